@@ -26,7 +26,7 @@ FILM_ARGS ?=
 ABLATION := deraings.method:Masks 3dgs+enhance deraings.method:WithoutAttention deraings \
             deraings.method:RainModelOnly deraings-plus deraings.method:Everything
 EFFECTS  := dark haze night raindrop raindrop-b raindrop-renewed raindrop-sharp shower storm streak streak-b window
-BOARD_PAGES := README.md docs/topics/results-by-method.md docs/topics/results.md docs/topics/results-by-grade.md docs/topics/results-window.md
+BOARD_PAGES := README.md docs/leaderboard/results.md
 METHODS  ?= 3dgs nerf-w derain-nerf wild-gaussians gs-w deraings deraings-plus
 SCENES   ?=
 BIN      := $(VENV)/bin
@@ -111,7 +111,7 @@ check: $(READY)  ## whether METHOD= keeps the contract of a method, on a room th
 
 severity: $(READY)  ## what plain 3DGS loses to three patterns of every effect, or to PATTERNS=, entered into data cards; then what capture.json may say to meet the grades
 	$(MAKE) eval METHOD=3dgs $(if $(names),,PATTERNS='$(strip $(every_pattern))')
-	$(BIN)/python -m leaderboard card $(data)/$(profile) --results $(results)
+	$(BIN)/python -m leaderboard table --results $(results) --cards $(data)/$(profile)
 
 enhancer: $(READY)  ## train the enhancement network: PHOTOGRAPHS=a folder of clean photographs
 	$(enhance) --out $(results)/enhancement/first
@@ -142,8 +142,8 @@ view: $(READY)  ## a trained scene in a browser: RUN=results/... [PORT=8080]
 film: $(READY)  ## a film of a trained scene: RUN=results/... [OUT=film.mp4] [FILM_ARGS="--seconds 8 --fps 30 --size 800"]
 	$(BIN)/python -m leaderboard film $(call quote,$(RUN)) --data $(data) --out $(call quote,$(OUT)) $(call quoted,$(FILM_ARGS))
 
-bench: $(READY)  ## speed against error: BENCH=splatting, quality, volumetric, methods, enhancement, masking, gpu; raindrops, renewed_drops, window_look, windows, streaks, other_make, weather, rain_pictures, hidden_pictures, hard_rain, real_rain; dataset, sharing, poses, reconstruction, site; interruptions for kills and full disks
-	$(BIN)/python -m $(call quote,benchmarks.$(BENCH)) $(call quoted,$(BENCH_ARGS))
+bench: $(READY)  ## speed against error: BENCH=splatting and others; `python -m benchmarks` lists them
+	$(BIN)/python -m benchmarks $(call quote,$(BENCH)) $(call quoted,$(BENCH_ARGS))
 
 $(DOCS): $(READY)
 	$(BIN)/python -m pip install --constraint constraints.txt --editable '.[docs]'

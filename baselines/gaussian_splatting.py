@@ -40,7 +40,7 @@ MOST = 0.6  # of them, above which what hides rain hides the scene itself
 
 
 class GaussianSplatting(Method):
-    """3DGS (Kerbl et al. 2023), plain: takes rain for part of the scene."""
+    """Plain 3DGS (Kerbl et al. 2023): rain becomes part of the scene."""
 
     profiles: ClassVar[Mapping[str, Any]] = PROFILES
 
@@ -173,7 +173,7 @@ def _from_numbers(numbers: Sequence[float]) -> Camera:
 def warn_if_hidden(share: float, what: str = "masks") -> None:
     """Say so where most of the photographs' pixels are hidden from the scene by masks, or by what is named."""
     if share > MOST:
-        logger.warning("%s hide %.0f %% of the photographs: the scene is learned from the rest", what, 100 * share)
+        logger.warning("%s hide %.0f %% of the photographs: the scene is trained on the rest", what, 100 * share)
 
 
 class BudgetedSplatting(GaussianSplatting):

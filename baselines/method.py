@@ -1,4 +1,4 @@
-"""The contract every method meets, and how a method is found by name."""
+"""The contract of a method, and methods by name."""
 
 import math
 from abc import ABC, abstractmethod
@@ -22,20 +22,20 @@ WRAPPERS = "hydroviews.wrappers"  # entry points: functions that make a method o
 
 @dataclass(frozen=True)
 class TrainingSummary:
-    """What a trained model is and what it cost, as runs record it.
+    """Size and cost of a trained model, as records store them.
 
-    Scalars of numpy, torch and other libraries become Python's numbers.
+    Scalars of numpy, torch and other libraries are converted to Python numbers.
 
     Raises:
-        ValueError: a number that is negative or not finite, or something else than a number; no device.
+        ValueError: a value is negative, not finite or not a number, or the device is missing.
     """
 
-    train_seconds: float  # training alone, summed over resumed sessions
-    n_primitives: int | None  # Gaussians; None for methods that have none
-    model_mb: float | None  # arrays of the saved model, in 10^6 bytes
+    train_seconds: float  # seconds of training only, summed over resumed sessions
+    n_primitives: int | None  # number of Gaussians; None for methods without Gaussians
+    model_mb: float | None  # size of the saved model, 10^6 bytes
     device: str  # "cpu" or the GPU's name
-    used: str = ""  # in words, the parts that it switched on for these photographs; empty if it always uses all
-    render_device: str | None = None  # as `device`, of what `render` calculates on; None where it is the same
+    used: str = ""  # parts that were switched on for these photographs; empty if all parts are always on
+    render_device: str | None = None  # device of `render`; None if it equals `device`
 
     def __post_init__(self) -> None:
         for name in ("train_seconds", "n_primitives", "model_mb"):
@@ -58,11 +58,11 @@ class TrainingSummary:
 class Method(ABC):
     """Learns a scene from its training views, then renders any camera.
 
-    A method is made with `Method(method.configuration(profile), seed)`, taught with `fit`, saved and loaded.
+    Create a method with `Method(method.configuration(profile), seed)`, train it with `fit`, save it and load it.
     The same configuration, seed and scene give the same model.
     """
 
-    trains_on: ClassVar[Literal["rainy", "clean"]] = "rainy"  # which photographs it is shown
+    trains_on: ClassVar[Literal["rainy", "clean"]] = "rainy"  # which photographs `fit` receives
 
     def __init__(self, config: Any, seed: int) -> None:
         self.config = config
@@ -71,10 +71,10 @@ class Method(ABC):
     @classmethod
     @abstractmethod
     def configuration(cls, profile: str) -> Any:
-        """The dataclass of settings for profile demo, quick or paper, which `config.json` records.
+        """The settings of a profile (demo, quick or paper) as a dataclass, which `config.json` records.
 
-        Its values are numbers, strings, lists, dictionaries, dataclasses, paths and numpy arrays: a run with other
-        ones is another run. Whatever else a method needs, such as functions, it makes of these.
+        Values are numbers, strings, lists, dictionaries, dataclasses, paths and numpy arrays. A run with other values
+        is another run. The method creates anything else, such as functions, from these values.
 
         Raises:
             InputError: no such profile.
@@ -82,56 +82,56 @@ class Method(ABC):
 
     @classmethod
     def with_max_iterations(cls, config: Any, steps: int) -> Any:
-        """The same settings with no more than `steps` training steps, so that a method can be checked quickly.
+        """The same settings with at most `steps` training steps, for quick checks.
 
-        This limits `iterations` of the dataclass and of those it holds, and leaves others as they are. A method that
-        counts otherwise, or whose schedule breaks when it is cut short, says here what to do.
+        The default limits every field `iterations` in the dataclass and in nested dataclasses. Override this method if
+        the settings count steps in another way, or if the schedule needs more changes.
         """
         return _limited(config, steps)
 
     @abstractmethod
     def fit(self, scene: Scene, folder: Path) -> None:
-        """Learn from `scene.train_views` alone, showing progress; what `View.ignored` hides is not looked at.
+        """Train on `scene.train_views` only, with a progress bar. Pixels that `View.ignored` hides have no effect.
 
-        Checkpoints go to `folder`; if it holds one of this configuration and seed, training goes on from it
-        and ends as if it had never been interrupted.
+        Checkpoints are written to `folder`. If the folder holds a checkpoint of this configuration and seed, training
+        resumes from it and gives the same result as an uninterrupted training.
 
         Raises:
-            InputError: a view that cannot be read, or a checkpoint of another configuration or scene.
+            InputError: a view cannot be read, or a checkpoint belongs to another configuration or scene.
         """
 
     @abstractmethod
     def render(self, camera: Camera) -> Image:
-        """The learned scene without rain: float32 [H, W, 3], sRGB-encoded, [0, 1]."""
+        """Render the scene without rain: float32 [H, W, 3], sRGB-encoded, [0, 1]."""
 
     def hidden(self, view: int, size: tuple[int, int]) -> NDArray[np.float32] | None:
-        """How much of each pixel of a training view is attributed to occluders in front of the scene, after `fit`.
+        """The share of each pixel of a training view that the method ignores as an occluder, after `fit`.
 
         Args:
             view: index among the training views.
             size: its height and width.
 
         Returns:
-            [H, W] in [0, 1], 0 where all is the scene's; None where the method does not look for such.
+            [H, W] in [0, 1], 0 where the pixel shows only the scene; None if the method ignores no pixels.
         """
         return None
 
     @abstractmethod
     def save(self, folder: Path) -> None:
-        """Write all that `load` needs."""
+        """Write everything that `load` needs."""
 
     @classmethod
     @abstractmethod
     def load(cls, config: Any, seed: int, folder: Path) -> Self:
-        """The model `save` wrote to `folder`; it renders the same pixels.
+        """Load the model that `save` wrote to `folder`. The loaded model renders the same pixels.
 
         Raises:
-            InputError: no model there.
+            InputError: the folder holds no model.
         """
 
     @abstractmethod
     def summary(self) -> TrainingSummary:
-        """Time and size of the trained model."""
+        """Training time and size of the trained model."""
 
 
 def _plain_number(value: Any) -> Any:
@@ -192,8 +192,7 @@ def profile_settings(profile: str, profiles: Mapping[str, Any]) -> Any:
 def find_method(name: str) -> type[Method]:
     """The method class of a registered name, or of `package.module:Class`.
 
-    `NAME+WRAPPER` is a method that a wrapper makes of another; wrappers are registered too, or are
-    `package.module:function`.
+    `NAME+WRAPPER` applies a wrapper to a method. A wrapper is a registered name or `package.module:function`.
 
     Raises:
         InputError: no such method or wrapper.

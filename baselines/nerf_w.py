@@ -5,7 +5,7 @@ Section 4.1, latent appearance: every training view i has an embedding l_i^(a), 
 uncertainty of what is in view i alone. Rendered without that head and with the mean embedding, the scene is as it is
 without the rain.
 
-Where this deviates, beside what all radiance fields here share (docs/topics/radiance-fields.md), and why:
+Where this deviates, beside what all radiance fields here share (docs/methods/radiance-fields.md), and why:
 
 * Static and transient share what an interval emits in proportion to their densities, the exact integral over matter
   that is mixed evenly; the paper's alphas of both (its equation 8) add up to more than one where both are opaque, as in
@@ -45,14 +45,14 @@ class NerfWConfig:
     """A field, the embeddings of the views, and the four-term loss."""
 
     volumetric: VolumetricConfig = field(default_factory=VolumetricConfig)
-    appearance: int = 48  # length of a view's appearance embedding
-    transient: int = 16  # and of its transient embedding
+    appearance: int = 48  # length of an appearance embedding
+    transient: int = 16  # length of a transient embedding
     transient_width: int = 32  # units of the transient head's layers
     transient_layers: int = 2
     beta_min: float = 0.03
-    density_weight: float = 0.01  # lambda_u, of the mean transient density
+    density_weight: float = 0.01  # lambda_u: weight of the mean transient density
     embedding_rate: float = 5e-3  # learning rate of the embeddings
-    mean_appearance_share: float = 0.0  # of a step's rays, which get the mean appearance instead of their view's
+    mean_appearance_share: float = 0.0  # share of the rays of a step that use the mean appearance
 
 
 class TransientHead(nn.Module):
@@ -131,7 +131,7 @@ def nerf_w_losses(config: NerfWConfig) -> Loss:
 
 SMALL = VolumetricConfig(field=SHORT_FIELD)
 # What a stretch of views has in common goes into their embeddings, and is missing in the mean appearance, which is
-# scored: so embeddings learn more slowly, and half of the rays see none. docs/topics/radiance-fields.md has figures.
+# scored: so embeddings learn more slowly, and half of the rays see none. docs/methods/radiance-fields.md has figures.
 SHORT = NerfWConfig(SMALL, embedding_rate=1e-3, mean_appearance_share=0.5)
 PAPER = replace(NERF, iterations=300_000, final_rate=0.01)
 PROFILES = {
@@ -142,7 +142,7 @@ PROFILES = {
 
 
 class NerfW(RadianceMethod):
-    """NeRF-W (Martin-Brualla et al. 2021): a radiance field whose transient matter may be rain."""
+    """NeRF-W (Martin-Brualla et al. 2021): a radiance field with appearance and transient embeddings per view."""
 
     profiles: ClassVar[Mapping[str, Any]] = PROFILES
 

@@ -1,4 +1,4 @@
-"""Speed against error. Each part is a command, `python -m benchmarks.NAME`, and keeps freed memory as others do."""
+"""Speed against error: `python -m benchmarks NAME`. Benchmarks keep freed memory as the commands do."""
 
 from hydroviews.files.malloc import keep_freed_memory
 

@@ -1,21 +1,29 @@
 """Training steps beside other processes that want the cores: steps a second, and the share of what is fair.
 
-    python -m benchmarks.busy_machine
+    python -m benchmarks busy_machine                          four minutes on two cores
+    python -m benchmarks busy_machine --checkouts . ../other   seven minutes: another version of the code as well
 
-Every case is a process of its own, beside so many that do nothing but count. Fair is what a training would do if the
-system gave every thread as much: of the steps that it does on an idle machine, with as many threads, the share
-cores / (threads + competing). Prints a table and writes `busy_machine.csv`. The machine has to be idle before.
+Every case is a process of its own, beside competing processes that only count. The fair share of a training is
+cores / (threads + competing) of its steps on an idle machine with as many threads. Threads that wait for others spin or
+sleep, as WAITING says. The idle case is the one with threads that spin: a policy that slows an idle machine down shows
+less than 1. The benchmark prints a table and writes `busy_machine.csv`. The machine has to be idle before.
 """
 
+from hydroviews.cli.starting import begin
+
+if __name__ == "__main__":
+    begin()
+
 import json
+import os
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numba
 import numpy as np
@@ -36,6 +44,12 @@ from hydroviews.files.atomic import write_bytes
 
 BUSY = "while True: pass"
 GAUSSIANS, SIZE = 30_000, (400, 300)
+SPLATTING, CONVOLUTIONS = "splatting", "convolutions"  # steps by Numba's threads, and by torch's
+WAITING: dict[str, dict[str, str]] = {  # how long a thread of libgomp spins before it sleeps: the environment
+    "spin": {"GOMP_SPINCOUNT": "300000"},  # libgomp's own default
+    "spin shortly": {},  # as commands do
+    "sleep": {"OMP_WAIT_POLICY": "passive"},
+}
 
 
 def fair_share(steps: float, idle: float, threads: int, competing: int, cores: int) -> float:
@@ -102,7 +116,7 @@ class Steps:
 
 
 def measured(threads: int, seconds: float) -> float:
-    """Steps a second in this process."""
+    """Steps a second of splatting in this process."""
     numba.set_num_threads(threads)
     with tempfile.TemporaryDirectory() as folder:
         steps = Steps(seconds)
@@ -110,51 +124,108 @@ def measured(threads: int, seconds: float) -> float:
         return steps.iteration / steps.taken
 
 
-def case(threads: int, competing: int, seconds: float) -> float:
-    """Steps a second in a process of its own, beside others."""
-    command = [sys.executable, "-m", "benchmarks.busy_machine", "--alone", json.dumps([threads, seconds])]
-    with busy(competing):
-        said = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-    return float(said.splitlines()[-1])
+def convolutions(threads: int, seconds: float) -> float:
+    """Steps a second of a small convolutional network in this process, as enhancement and features have them."""
+    import torch
+
+    torch.set_num_threads(threads)
+    network = torch.nn.Sequential(*(torch.nn.Conv2d(24, 24, 3, padding=1) for _ in range(8)))
+    picture, count = torch.zeros(1, 24, 75, 100), 0
+    with torch.inference_mode():
+        network(picture)
+        start = time.perf_counter()
+        while time.perf_counter() - start < seconds:
+            network(picture)
+            count += 1
+    return count / (time.perf_counter() - start)
 
 
-def table_of(threads: tuple[int, ...], competing: tuple[int, ...], seconds: float, turns: int) -> pd.DataFrame:
-    """A row a case, medians over turns; the idle case of each number of threads comes first."""
-    rows: list[dict[str, Any]] = []
-    for n in threads:
-        idle = 0.0
-        for others in tqdm((0, *competing), desc=f"{n} threads", leave=False):
-            steps = float(np.median([case(n, others, seconds) for _ in range(turns)]))
-            idle = idle or steps
-            share = fair_share(steps, idle, n, others, processors())
-            rows.append({"threads": n, "competing": others, "steps/s": round(steps, 1), "fair share": round(share, 2)})
+@dataclass(frozen=True)
+class Case:
+    """What is measured in a process of its own."""
+
+    work: str
+    threads: int
+    waiting: str
+    checkout: Path
+
+    def steps(self, competing: int, seconds: float) -> float:
+        """Steps a second beside so many processes."""
+        alone = [self.threads, seconds, *([self.work] if self.work != SPLATTING else [])]
+        command = [sys.executable, "-m", "benchmarks.busy_machine", "--alone", json.dumps(alone)]
+        inherited = {name: value for name, value in os.environ.items() if not name.startswith(("OMP_", "GOMP_"))}
+        environment = inherited | WAITING[self.waiting] | {"PYTHONPATH": str(self.checkout.resolve())}
+        with busy(competing):
+            process = subprocess.run(
+                command, check=True, capture_output=True, text=True, env=environment, cwd=self.checkout
+            )
+        return float(process.stdout.splitlines()[-1])
+
+
+def cases(checkouts: Sequence[Path]) -> list[Case]:
+    """One thread, which waits for no other, and two of them under every policy; those of the default come first."""
+    first = checkouts[0]
+    found = [Case(SPLATTING, 1, "spin", first)]
+    found += [Case(SPLATTING, 2, waiting, checkout) for checkout in checkouts for waiting in WAITING]
+    return found + [Case(CONVOLUTIONS, 2, waiting, first) for waiting in WAITING]
+
+
+def table_of(
+    chosen: Sequence[Case],
+    competing: Sequence[int],
+    seconds: float,
+    turns: int,
+    steps_of: Callable[[Case, int, float], float] = Case.steps,
+) -> pd.DataFrame:
+    """A row for every case and number of competing processes, medians over turns.
+
+    Args:
+        chosen: cases; the first of each work and number of threads is the one that shares are of.
+        competing: processes beside them; the idle machine comes in any case.
+        seconds: of steps.
+        turns: of each; those of different cases alternate.
+        steps_of: measures one.
+    """
+    every = [(others, case) for others in (0, *competing) for _ in range(turns) for case in chosen]
+    found: dict[tuple[int, Case], list[float]] = {}
+    for others, case in tqdm(every, desc="cases", leave=False):
+        found.setdefault((others, case), []).append(steps_of(case, others, seconds))
+    rows, idle = [], dict[tuple[str, int], float]()
+    for (others, case), turn in found.items():
+        steps = float(np.median(turn))
+        whole = idle.setdefault((case.work, case.threads), steps)
+        share = fair_share(steps, whole, case.threads, others, processors())
+        rows.append({**vars(case), "competing": others, "steps/s": round(steps, 2), "fair share": round(share, 2)})
     return pd.DataFrame(rows)
 
 
 def main(
     out: Path = Path("results/bench"),
-    threads: tuple[int, ...] = (1, 2),
-    competing: tuple[int, ...] = (1, 2, 5),
-    seconds: float = 20.0,
-    turns: int = 3,
+    checkouts: tuple[Path, ...] = (Path(),),
+    competing: tuple[int, ...] = (2, 5),
+    seconds: float = 6.0,
+    turns: int = 1,
     alone: str = "",
 ) -> None:
     """Measure and report.
 
     Args:
         out: where the file goes.
-        threads: of the training.
-        competing: processes beside it.
+        checkouts: versions of the code, the first one the one to compare with.
+        competing: processes beside the training.
         seconds: of steps in each case.
         turns: of each case.
         alone: for the processes of cases.
     """
     if alone:
-        n, length = json.loads(alone)
+        n, length, *work = json.loads(alone)
+        if work == [CONVOLUTIONS]:
+            print(convolutions(int(n), float(length)))
+            return
         warm_up(3)
         print(measured(int(n), float(length)))
         return
-    table = table_of(threads, competing, seconds, turns)
+    table = table_of(cases(checkouts), competing, seconds, turns)
     print(table.to_string(index=False))
     write_bytes(out / "busy_machine.csv", table.to_csv(index=False).encode())
 

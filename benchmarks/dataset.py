@@ -1,6 +1,6 @@
 """What building a data set costs: seconds a view and stage, how they grow with pixels and views, peak memory.
 
-    python -m benchmarks.dataset --capture DIR --sizes 200 400 800 --counts 20 80
+    python -m benchmarks dataset --capture DIR --sizes 200 400 800 --counts 20 80
 
 Sizes are measured with the first count of views, the other counts at the first size; each case is built in a process
 of its own, so that its peak memory is its own. Prints both tables, and writes them to dataset-stages.csv and
@@ -21,12 +21,11 @@ from unittest.mock import patch
 
 import pandas as pd
 
-from hydroviews.cli.commands import run_command
+from benchmarks.tables import report, write_csv
 from hydroviews.dataset import build as build_module
 from hydroviews.dataset import clean_views as build_clean
 from hydroviews.dataset import rainy_variant as build_rain
 from hydroviews.dataset.build import build
-from hydroviews.files.atomic import write_bytes
 from hydroviews.formats.read import read_scene
 from hydroviews.rain.effect import Effect
 from hydroviews.rain.lens import raindrops
@@ -172,10 +171,5 @@ def main(
     order = ["variant", "stage"]
     shown = stages.pivot_table(index=order, columns="case", values="ms a view", aggfunc="sum", sort=False)
     print(f"\nmilliseconds a view\n{shown.round(2).to_string(na_rep='')}")
-    print(f"\nper case\n{memory.to_string(index=False)}")
-    for name, content in (("stages", stages.drop(columns="case").round(4)), ("memory", memory)):
-        write_bytes(folder / f"dataset-{name}.csv", content.to_csv(index=False).encode())
-
-
-if __name__ == "__main__":
-    run_command(main, prog="benchmarks.dataset")
+    report(memory, folder / "dataset-memory.csv", "per case")
+    write_csv(stages.drop(columns="case"), folder / "dataset-stages.csv")

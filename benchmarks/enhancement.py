@@ -1,6 +1,6 @@
 """Speed and error of enhancement: networks of several widths, trained alike.
 
-    python -m benchmarks.enhancement --photographs FOLDER --out results/bench/enhancement
+    python -m benchmarks enhancement --photographs FOLDER --out results/bench/enhancement
 
 Each width is trained for the same number of steps on the same pairs, then validated on held-out photographs; an
 interrupted run goes on where it stopped. Prints a table and writes enhancement.csv. Times are processor time of one
@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
 import torch
 import tyro
 
 from baselines.training.supervised_training import Intervals
+from benchmarks.tables import report, rows_of
 from benchmarks.timing import least
 from deraings.enhancement.__main__ import VALIDATION_SEED, WATCHED
 from deraings.enhancement.config import TrainingConfig
@@ -32,8 +32,6 @@ from deraings.enhancement.training import train
 from deraings.enhancement.validation import as_columns, scores
 from deraings.enhancement.validation_pictures import validation_set
 from deraings.enhancement.weights import Enhancer
-from hydroviews.cli.commands import run_command
-from hydroviews.files.atomic import write_bytes
 
 SIZE = 400, 300
 LARGE = 1200, 900
@@ -111,11 +109,5 @@ def main(choice: tyro.conf.OmitArgPrefixes[Choice]) -> None:
         return as_columns(scores(network, watched))
 
     widths = [replace(config, width=width, head_width=width) for width in choice.widths]
-    rows = [row(choice, data, width, pairs, validate) for width in widths]
-    table = pd.DataFrame(rows)
-    write_bytes(choice.out / "enhancement.csv", table.to_csv(index=False).encode())
-    print(table.to_string(index=False))
-
-
-if __name__ == "__main__":
-    run_command(main, prog="benchmarks.enhancement")
+    table = rows_of(lambda width: row(choice, data, width, pairs, validate), [(width,) for width in widths], "widths")
+    report(table, choice.out / "enhancement.csv")

@@ -1,6 +1,6 @@
 """What a network gains in rain that it has not learned: one family of the training's rain is left out at a time.
 
-    python -m benchmarks.families --photographs FOLDER --start small --out results/bench/families
+    python -m benchmarks families --photographs FOLDER --start small --out results/bench/families
 
 Every training begins with the same weights and takes the same steps. An interrupted run goes on where it stopped.
 Prints gains in dB on held-out photographs, a row a training, and writes families.csv. Look at the column of the family
@@ -15,6 +15,7 @@ import torch
 import tyro
 
 from baselines.training.supervised_training import Intervals, Validate
+from benchmarks.tables import report
 from deraings.enhancement.__main__ import VALIDATION_SEED, WATCHED
 from deraings.enhancement.config import TrainingConfig
 from deraings.enhancement.data import Data, described, started_from, training_pairs
@@ -22,8 +23,6 @@ from deraings.enhancement.network import EnhancementNetwork
 from deraings.enhancement.training import train
 from deraings.enhancement.validation import scores
 from deraings.enhancement.validation_pictures import FAMILIES, validation_set
-from hydroviews.cli.commands import run_command
-from hydroviews.files.atomic import write_bytes
 from hydroviews.rain.patterns import Pattern
 
 MEDIUM = tuple(Pattern(effect, 1) for effect in ("window", "raindrop", "streak"))
@@ -56,8 +55,7 @@ def main(choice: tyro.conf.OmitArgPrefixes[Choice]) -> None:
     for family in LEFT_OUT:
         rows[family] = trained(choice, replace(every, without=(family,)), gains)
         table = pd.DataFrame(rows).T.round(2).rename_axis("left out").reset_index()
-        write_bytes(choice.out / "families.csv", table.to_csv(index=False).encode())
-    print(table.to_string(index=False))
+        report(table, choice.out / "families.csv")
 
 
 def trained(choice: Choice, data: Data, gains: Validate) -> dict[str, float]:
@@ -69,7 +67,3 @@ def trained(choice: Choice, data: Data, gains: Validate) -> dict[str, float]:
     intervals = Intervals(validate_every=choice.steps)
     training = train(folder, config, pairs, words, gains, intervals, start.network if start else None)
     return {name: value for name, value in training.curve[-1].items() if name not in ("step", "seconds", "loss")}
-
-
-if __name__ == "__main__":
-    run_command(main, prog="benchmarks.families")

@@ -1,6 +1,6 @@
 """Quality against time: every method trained for the same seconds, on one scene and rain, one after another.
 
-    python -m benchmarks.methods --scene courtyard --pattern raindrop-1 --seconds 30 90 270
+    python -m benchmarks methods --scene courtyard --pattern raindrop-1 --seconds 30 90 270
 
 How many steps fit is told by a method's speed in its training before, so seconds are met roughly and reported as
 measured. Schedules are stretched or cut with the steps. Nothing else should run on the machine.
@@ -20,7 +20,7 @@ from baselines.splatting.config import TrainerConfig
 from baselines.splatting_profiles import with_iterations
 from baselines.volumetric.config import VolumetricConfig
 from benchmarks.quality import held_out, slug
-from hydroviews.cli.commands import run_command
+from benchmarks.tables import report
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.files.atomic import read_json, write_bytes, write_json
@@ -138,10 +138,5 @@ def main(
             speed = speed_of(max(done, key=lambda row: row["asked s"])) if done else course.probe(name)
             rows.append(course.row(name, budget, speed))
             table = pd.DataFrame(rows)
-            write_bytes(csv, table.to_csv(index=False).encode())
+            report(table, csv)
             write_bytes(folder / "curves.html", curves(table).encode())
-    print(f"\n{pd.DataFrame(rows).to_string(index=False)}")
-
-
-if __name__ == "__main__":
-    run_command(main, prog="benchmarks.methods")

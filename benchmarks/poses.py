@@ -1,6 +1,6 @@
 """What rain costs cameras that are estimated in it: registered views, areas under the curve, medians of errors.
 
-    python -m benchmarks.poses data/demo/courtyard --patterns clean raindrop-1 streak-1 --enhanced
+    python -m benchmarks poses data/demo/courtyard --patterns clean raindrop-1 streak-1 --enhanced
 
 Estimates cameras from a built scene's photographs, clean or in rain, and compares them with the scene's own; prints a
 table and writes poses.csv. An interrupted run goes on where it stopped.
@@ -13,16 +13,16 @@ from typing import Any
 import pandas as pd
 import tyro
 
+from benchmarks.tables import report
 from benchmarks.timing import counted, counted_seconds
 from deraings.enhancement.enhance import enhance
 from hydroviews.captures.sfm.mapping import TooFewRegistered
 from hydroviews.captures.sfm.poses import FeatureKind, estimate_poses
 from hydroviews.captures.sfm.rain import Enhance
 from hydroviews.captures.sfm.sources import link_photographs
-from hydroviews.cli.commands import run_command
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.variants import open_clean, open_variant
-from hydroviews.files.atomic import read_json, write_bytes, write_json
+from hydroviews.files.atomic import read_json, write_json
 from hydroviews.scene.camera_errors import compare_cameras
 from hydroviews.scene.scenes import View
 
@@ -100,9 +100,4 @@ def main(
             name = f"{scene.resolve().name}-{pattern}-{every}-{seed}{'-enhanced' if helped else ''}-{features}"
             row = measure(built.views[::every], rainy, out / name, seed, enhance if helped else None, features)
             rows.append({"scene": built.name, "pattern": pattern, "enhanced": helped} | row)
-            write_bytes(out / "poses.csv", pd.DataFrame(rows).to_csv(index=False).encode())
-    print(f"\n{pd.DataFrame(rows).drop(columns='unaligned').round(3).to_string(index=False)}")
-
-
-if __name__ == "__main__":
-    run_command(main, prog="benchmarks.poses")
+            report(pd.DataFrame(rows), out / "poses.csv")

@@ -1,6 +1,6 @@
 """What each choice of training buys: quality on held-out clean views against Gaussians, file size and time.
 
-    python -m benchmarks.quality --scene PATH --profile quick
+    python -m benchmarks quality --scene PATH --profile quick
 
 Trains plain 3DGS on the clean views once for every case, one after another; prints a table and writes quality.csv.
 Finished cases are kept, an interrupted one goes on where it stopped.
@@ -10,6 +10,7 @@ import logging
 import re
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,10 +24,9 @@ from baselines.splatting.files.ply import SPLATS
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting.strategies.relocation import MCMCStrategy
 from baselines.splatting_profiles import PROFILES, pruned_to_budget
-from hydroviews.cli.commands import run_command
+from benchmarks.tables import finished, report
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import open_clean
-from hydroviews.files.atomic import write_bytes
 from hydroviews.metrics import find_metrics
 from hydroviews.profiles import find_profile
 from hydroviews.scene.scenes import Scene
@@ -58,14 +58,13 @@ def cases(profile: TrainerConfig) -> Iterator[tuple[str, TrainerConfig]]:
     yield "early stop", replace(profile, early_stop=EarlyStop(every=max(1, profile.iterations // 24)))
 
 
-def measure(name: str, config: TrainerConfig, scene: Scene, seed: int, folder: Path) -> dict[str, Any]:
+def measure(config: TrainerConfig, scene: Scene, seed: int, folder: Path) -> dict[str, Any]:
     """Train, and score all held-out views: a row of the table."""
     method = GaussianSplatting(config, seed)
     method.fit(scene, folder)
     method.save(folder)
     statistics = method.summary()
     return {
-        "case": name,
         **held_out(method, scene),
         "Gaussians": statistics.n_primitives,
         "ply MB": round((folder / SPLATS).stat().st_size / 1e6, 2),
@@ -111,17 +110,7 @@ def main(
     built = build_source(scene, data / profile, find_profile(profile), patterns=(), all_patterns=False)
     clean = open_clean(built)
     folder = out / f"{built.name}-{profile}-{seed}"
-    table = folder / "quality.csv"
-    rows = pd.read_csv(table).to_dict("records") if table.is_file() else []
     chosen = [case for case in cases(PROFILES[profile]) if not only or case[0].startswith(only)]
-    for name, config in chosen:
-        if any(row["case"] == name for row in rows):
-            continue
-        print(f"{name}:")
-        rows.append(measure(name, config, clean, seed, folder / slug(name)))
-        write_bytes(table, pd.DataFrame(rows).to_csv(index=False).encode())
-    print(f"\n{pd.DataFrame(rows).to_string(index=False)}")
-
-
-if __name__ == "__main__":
-    run_command(main, prog="benchmarks.quality")
+    steps = [({"case": name}, partial(measure, config, clean, seed, folder / slug(name))) for name, config in chosen]
+    csv = folder / "quality.csv"
+    report(finished(csv, steps), csv)

@@ -1,7 +1,7 @@
 """Speed and error of radiance fields: the hash grid's kernels, and what samples and tables cost and buy.
 
-    python -m benchmarks.volumetric --out results/bench
-    python -m benchmarks.volumetric --scene data/demo/courtyard --iterations 1500
+    python -m benchmarks volumetric --out results/bench
+    python -m benchmarks volumetric --scene data/demo/courtyard --iterations 1500
 
 Prints a table of the kernels against plain torch in float64 and writes volumetric-grid.csv; with a scene, trains a
 plain field with one setting changed at a time and writes volumetric-settings.csv. Times are processor time, so that
@@ -16,19 +16,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import torch
 from torch import Tensor
-from tqdm import tqdm
 
 from baselines.volumetric.config import HashFieldConfig, VolumetricConfig
 from baselines.volumetric.hash_grid import GridConfig, HashGrid, interpolate, warm_up
 from baselines.volumetric.model import RadianceModel
 from baselines.volumetric.trainer import train
+from benchmarks.tables import report, rows_of
 from benchmarks.timing import least
-from hydroviews.cli.commands import run_command
 from hydroviews.dataset.variants import open_clean
-from hydroviews.files.atomic import write_bytes
 from hydroviews.metrics import METRICS
 from hydroviews.scene.scenes import Scene
 from leaderboard.scoring.score import score_image
@@ -60,15 +57,11 @@ def main(out: Path = Path("results/bench"), scene: Path | None = None, iteration
     """
     torch.set_num_threads(1)
     warm_up()
-    grids = pd.DataFrame([grid_row(config) for config in tqdm(GRIDS, desc="grids")])
-    print(grids.to_string(index=False, float_format="{:.3g}".format))
-    write_bytes(out / "volumetric-grid.csv", grids.to_csv(index=False).encode())
+    report(rows_of(grid_row, [(config,) for config in GRIDS], "grids"), out / "volumetric-grid.csv")
     if scene:
         views = open_clean(scene)
-        configs = {name: replace(config, iterations=iterations) for name, config in SETTINGS.items()}
-        settings = pd.DataFrame([settings_row(name, config, views) for name, config in configs.items()])
-        print(settings.to_string(index=False, float_format="{:.4g}".format))
-        write_bytes(out / "volumetric-settings.csv", settings.to_csv(index=False).encode())
+        cases = [(name, replace(config, iterations=iterations), views) for name, config in SETTINGS.items()]
+        report(rows_of(settings_row, cases, "settings"), out / "volumetric-settings.csv")
 
 
 def ray_points() -> Tensor:
@@ -123,7 +116,3 @@ def settings_row(name: str, config: VolumetricConfig, scene: Scene) -> dict[str,
         "step ms": 1000 * seconds / config.iterations,
         "parameters": parameters,
     }
-
-
-if __name__ == "__main__":
-    run_command(main, prog="benchmarks.volumetric")

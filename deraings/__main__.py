@@ -1,4 +1,4 @@
-"""deraings reconstruct: a scene from one's own rainy photographs."""
+"""deraings reconstruct: a scene from your own rainy photographs."""
 
 from hydroviews.cli.starting import begin
 
@@ -12,7 +12,7 @@ from hydroviews.cli.commands import run_command
 
 
 def reconstruct_command(request: tyro.conf.OmitArgPrefixes[Reconstruction]) -> None:
-    """Photographs or a film taken in rain to a clean 3D scene: cameras, training, splats.ply, film, pictures."""
+    """Reconstruct a clean 3D scene from rainy photographs or a rainy video: cameras, splats.ply, film, pictures."""
     reconstruct(request)
 
 

@@ -100,7 +100,7 @@ class OnEnhanced(Method):
 
 @cache
 def on_enhanced(wrapped: type[Method]) -> type[Method]:
-    """The method that learns from enhanced photographs what `wrapped` learns from them as they are."""
+    """The wrapped method, trained on enhanced photographs."""
 
     class Enhanced(OnEnhanced):
         method = wrapped

@@ -85,7 +85,7 @@ def profiles(configure: Callable[[TrainerConfig], DeRainGSConfig]) -> dict[str, 
 
 
 class DeRainGS(GaussianSplatting):
-    """DeRainGS (the paper): enhanced photographs, and masks with spectral channel attention.
+    """DeRainGS (Liu et al. 2025), re-implemented: enhanced photographs, and masks with spectral channel attention.
 
     Drops that are new in every view, which leave no trace for masks, are hidden as the network sees them.
     """
@@ -146,14 +146,14 @@ class DeRainGS(GaussianSplatting):
             InputError: not trained here; a model that was loaded holds the scene alone.
         """
         if self._objective is None:
-            raise InputError(f"{type(self).__name__}: nothing learned of the rain", fix="call fit first")
+            raise InputError(f"{type(self).__name__}: no rain has been learned", fix="call fit first")
         return self._objective
 
 
 class DeRainGSPlus(DeRainGS):
-    """The rain is modelled: mist and drops on the lens, falling rain, single streaks; the network is a prior of these.
+    """Our method: a model of mist and drops on the lens, falling rain and streaks; the network is its prior.
 
-    The scene is learned from the photographs as they are; where it rains, enhanced ones help to tell rain from scene.
+    The scene is trained on the unchanged photographs; in rain, enhanced photographs help to separate rain from scene.
     """
 
     profiles: ClassVar[Mapping[str, Any]] = profiles(

@@ -1,4 +1,4 @@
-"""One's own rainy photographs, or a film, to a clean 3D scene: cameras, training, a splat file, a film, pictures."""
+"""Your own rainy photographs or video to a clean 3D scene: cameras, training, a splat file, a film, pictures."""
 
 import logging
 import os
@@ -47,14 +47,14 @@ SHEET_WIDTH = 1600  # pixels
 
 @dataclass(frozen=True)
 class Reconstruction:
-    """What to reconstruct, and how."""
+    """Input and settings of a reconstruction."""
 
-    photographs: tyro.conf.Positional[Path]  # folder of photographs, capture with cameras, or film
-    out: Path | None = None  # `<photographs>-scene` beside it if not given
-    method: str = "deraings-plus"  # any method of the benchmark that learns from rainy views
-    profile: str = "quick"  # how large pictures are and how long it trains: demo, quick or paper
-    long_side: int | None = None  # pixels of the pictures' longer side, instead of the profile's
-    rate: float = 1.0  # frames a second that are taken of a film
+    photographs: tyro.conf.Positional[Path]  # folder of photographs, capture with cameras, or video
+    out: Path | None = None  # output folder. Default: `<photographs>-scene` beside the photographs
+    method: str = "deraings-plus"  # any method of the benchmark that trains on rainy views
+    profile: str = "quick"  # image size and length of the training: demo, quick or paper
+    long_side: int | None = None  # longer side of the images in pixels. Default: the profile's
+    rate: float = 1.0  # frames per second of a video
     seed: int = 0
     film: FilmChoice = field(default_factory=FilmChoice)
 
@@ -114,7 +114,10 @@ def checked_method(request: Reconstruction) -> Method:
     require_outside(request)
     kind = find_method(request.method)
     if kind.trains_on != "rainy":
-        raise InputError(f"--method {request.method}: learns from clean views, and here are none", fix="choose another")
+        raise InputError(
+            f"--method {request.method}: learns from clean views, and there are none",
+            fix="choose a method that trains on rainy views",
+        )
     FrameChoice(request.rate, request.long_side)
     require_seed(request.seed)
     return kind(kind.configuration(request.profile), request.seed)
@@ -129,7 +132,7 @@ def show(method: Method, scene: Scene, request: Reconstruction) -> None:
     splats = (folder / TRAINING / SPLATS).is_file()  # methods without Gaussians write none
     model = f"{TRAINING}/{SPLATS} for splat viewers" if splats else f"the model in {TRAINING}"
     logger.info(f"{folder}: {model}, {FILM}, {SHEET}")
-    logger.info(f"found in the photographs: {method.summary().used or 'nothing was looked for'}")
+    logger.info(f"found in the photographs: {method.summary().used or 'the method does not look for rain'}")
 
 
 def recorded_settings(request: Reconstruction) -> dict[str, Any]:
@@ -172,7 +175,7 @@ def require_photographs(path: Path) -> None:
     raise InputError(
         f"{path}: nothing to reconstruct from",
         found=(other or "no photographs in it") if path.is_dir() else "no such file or folder",
-        expected=f"a folder of photographs ({', '.join(SUFFIXES)}), a capture with cameras, or a film",
+        expected=f"a folder of photographs ({', '.join(SUFFIXES)}), a capture with cameras, or a video",
         fix="convert them, to JPEG for instance" if other else None,
     )
 

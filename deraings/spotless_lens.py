@@ -59,7 +59,7 @@ class LensObjective(SpotlessObjective):
 
 
 class SpotlessLens(Spotless):
-    """SpotLessSplats whose network also sees what other views miss at the same place of the lens."""
+    """SpotLessSplats; the network also receives residuals of other views at the same place of the lens."""
 
     extra: ClassVar[int] = 1
 

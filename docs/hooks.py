@@ -1,20 +1,28 @@
-"""What the site takes from the program when it is built: commands, make targets, settings, pages of the API.
+"""Parts of the site that are generated: commands, make targets, settings, board numbers, pages of the API, formulas.
 
-A page asks for a generated part by a line of its own, such as `<!-- generated: commands -->`.
+A page requests a generated part by a line of its own, such as `<!-- generated: commands -->` or, with an argument,
+`<!-- generated: card gs-w -->`. Formulas between dollar signs become MathML, which browsers typeset without a network.
 """
 
 import contextlib
 import dataclasses
+import html
 import importlib
 import inspect
 import io
 import re
 from collections.abc import Callable, Iterator
+from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import pandas as pd
 import tyro
+
+from hydroviews.dataset.suites import DEVELOPMENT, suite_of
+from leaderboard.gather import BOARD, collect
+from leaderboard.records import FLOOR
 
 if TYPE_CHECKING:  # tests read this file where mkdocs is not installed
     from mkdocs.config.defaults import MkDocsConfig
@@ -31,7 +39,10 @@ PROGRAMS = (
     "baselines.derain_nerf.raindrop_attention",
 )
 LESS_SOUGHT = "---\nsearch:\n  boost: 0.3\n---\n"  # a search finds what people wrote for readers first
-FOLDERS = {"How it works": "how-it-works", "Notebook": "experiments"}  # all of their pages are listed
+NOTEBOOK = "experiments/"  # pages that neither the navigation nor a search shows
+CARD_PATTERNS = {"raindrop-1": "drops", "streak-1": "streaks"}  # medium patterns, which all methods were run on
+FORMULA = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', re.DOTALL)
+REQUEST = re.compile(r"<!-- generated: (\w+)((?: \S+)*) -->")
 PROFILES = ("demo", "quick", "paper")
 ATTRIBUTE = re.compile(r"^ {8}(\w+): (.+(?:\n {12,}.+)*)", re.MULTILINE)  # of a class, with the lines that go on
 
@@ -126,24 +137,56 @@ def api_pages() -> dict[str, str]:
     return pages
 
 
-GENERATED = {"commands": commands_section, "make": make_section, "settings": settings_section}
+@cache
+def published_runs() -> pd.DataFrame:
+    """The board's runs of the first seed, under the patterns of the cards."""
+    table = collect(BOARD)
+    own = table[(table.profile == "demo") & (table.seed == 0) & table.pattern.isin([*CARD_PATTERNS])]
+    return own.assign(seconds=own[["train_s", "before_s", "after_s"]].sum(axis=1))
+
+
+def card(method: str) -> str:
+    """A table of a method's published scores: a row a scene, PSNR and the difference to the floor under each pattern.
+
+    Raises:
+        ValueError: the board has no run of the method.
+    """
+    runs = published_runs()
+    own, floor = (runs[runs.method == name].set_index(["scene", "pattern"]) for name in (method, FLOOR))
+    if own.empty:
+        raise ValueError(f"a card of {method}: the board has no run of it")
+    heads = [f"{words} (`{pattern}`)" for pattern, words in CARD_PATTERNS.items()]
+    lines = [f"| `{method}` | {' | '.join(heads)} | seconds |", "|---" * (len(heads) + 2) + "|"]
+    for scene in sorted(
+        set(own.index.get_level_values("scene")), key=lambda name: (suite_of(name) == DEVELOPMENT, name)
+    ):
+        title = f"{scene} (development)" if suite_of(scene) == DEVELOPMENT else scene
+        cells = [score_cell(own.psnr, floor.psnr, (scene, pattern), method) for pattern in CARD_PATTERNS]
+        lines.append(f"| {title} | {' | '.join(cells)} | {own.seconds[scene].mean():.0f} |")
+    return "\n".join(lines)
+
+
+def score_cell(own: pd.Series, floor: pd.Series, run: tuple[str, str], method: str) -> str:
+    """PSNR of a run and, for other methods than the floor, the difference to the floor; empty without a run."""
+    if run not in own:
+        return ""
+    return f"{own[run]:.2f}" + ("" if method == FLOOR else f" ({own[run] - floor[run]:+.2f})")
+
+
+GENERATED = {"commands": commands_section, "make": make_section, "settings": settings_section, "card": card}
 
 
 def listed() -> dict[str, list]:
-    """Pages that the navigation takes from the folders, by the title they stand below."""
+    """Generated pages by the title in the navigation that they stand below."""
     tree: dict[str, list] = {top: [] for top in PACKAGES}
     for package in api_pages():
         top, _, inner = package.partition(".")
         tree[top].append({inner or top: f"reference/api/{package}.md"})
-    pages: dict[str, list] = {"API": [{top: below} for top, below in tree.items()]}
-    for title, folder in FOLDERS.items():
-        others = sorted(path.name for path in (ROOT / "docs" / folder).glob("*.md") if path.name != "index.md")
-        pages[title] = [f"{folder}/{name}" for name in ["index.md", *others]]
-    return pages
+    return {"API": [{top: below} for top, below in tree.items()]}
 
 
 def on_config(config: "MkDocsConfig") -> "MkDocsConfig":
-    """Add the pages of the API, and those of some folders, to the navigation."""
+    """Add the pages of the API to the navigation."""
     for title, pages in listed().items():
         fill(config.nav, title, pages)
     return config
@@ -169,5 +212,23 @@ def on_files(files: "Files", config: "MkDocsConfig") -> "Files":
 
 
 def on_page_markdown(markdown: str, page: "Page", **_: object) -> str:
-    """Write the generated parts of a page into it."""
-    return re.sub(r"<!-- generated: (\w+) -->", lambda match: GENERATED[match[1]](), markdown)
+    """Write the generated parts of a page into it; keep the notebook out of searches."""
+    if page.file.src_uri.startswith(NOTEBOOK):
+        page.meta["search"] = {"exclude": True}
+    return REQUEST.sub(lambda match: GENERATED[match[1]](*match[2].split()), markdown)
+
+
+def on_page_content(page_html: str, **_: object) -> str:
+    """Write formulas as MathML."""
+    return typeset(page_html)
+
+
+def typeset(text: str) -> str:
+    """HTML with the formulas of `pymdownx.arithmatex` as MathML."""
+    from latex2mathml.converter import convert
+
+    def formula(match: re.Match) -> str:
+        display = "block" if match[2] == "[" else "inline"
+        return convert(html.unescape(match[3]), display=display)
+
+    return FORMULA.sub(formula, text)

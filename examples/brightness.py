@@ -1,7 +1,7 @@
-"""A whole metric in one file: how much too bright or too dark a render is. Rain that is learned as part of a scene,
-mist above all, shows in it first.
+"""A complete metric in one file: the mean brightness error of a render. Mist that a method takes for part of the scene
+raises this error.
 
-Register it in the pyproject.toml of a package of your own, and every record and table has it:
+Register the metric in the pyproject.toml of your package. Every record and table then has it:
 
     [project.entry-points."hydroviews.metrics"]
     brightness = "my_package.brightness:BRIGHTNESS"
@@ -14,12 +14,12 @@ from hydroviews.metrics.inputs import Mask, Pictures, Score, score_pairs
 
 
 def brightness_error(image: Pictures, target: Pictures, ignored: Mask | None = None) -> Score:
-    """Distance of the means of all shown pixels and channels, in steps of 1/255.
+    """Difference of the mean values over all visible pixels and channels, in steps of 1/255.
 
     Args:
         image: [H, W, 3] or [N, 3, H, W], values in [0, 1].
         target: the same shape.
-        ignored: bool [H, W] or [N, H, W], true where pixels are hidden.
+        ignored: bool [H, W] or [N, H, W], True at hidden pixels.
 
     Raises:
         ValueError: see `score_pairs`.
@@ -28,7 +28,7 @@ def brightness_error(image: Pictures, target: Pictures, ignored: Mask | None = N
 
 
 def _brightness_error(image: Tensor, target: Tensor, shown: Tensor) -> Tensor:
-    """Of batches [N, 3, H, W]; hidden pixels are the same in both, so they do not count in the difference."""
+    """For batches [N, 3, H, W]; hidden pixels are equal in both, so they do not change the difference."""
     difference = (image.double() - target.double()).mean(dim=(1, 2, 3))
     return 255 * difference.abs() / shown.double().mean(dim=(1, 2))
 

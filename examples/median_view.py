@@ -1,10 +1,10 @@
-"""A whole method in one file: ask the nearest photographs what they see of a place, and take the median.
+"""A complete method in one file: the median colour of a place in the nearest photographs.
 
     make check METHOD=examples.median_view:MedianView
     make eval METHOD=examples.median_view:MedianView
 
-Nothing is learned. The scene's points say how far away what a pixel shows will be; that place is looked up in the
-photographs that were taken nearest. Rain stands somewhere else in each of them, so the median leaves most of it out.
+The method trains nothing. The scene's points give the depth of a pixel, and so a place in the scene. The colour of that
+place is read from the nearest photographs. Rain differs between photographs, so the median removes most of it.
 """
 
 import time
@@ -25,19 +25,19 @@ from hydroviews.scene.images import Image
 from hydroviews.scene.scenes import Scene
 
 MODEL = "photographs.safetensors"
-NOWHERE = np.float32(np.nan)  # the colour of what lies outside a photograph, or is hidden in it
+NOWHERE = np.float32(np.nan)  # colour outside a photograph, and of hidden pixels
 
 
 @dataclass(frozen=True)
 class MedianConfig:
-    """Everything that changes the result, for `config.json`."""
+    """All settings that change the result, for `config.json`."""
 
-    photographs: int = 5  # that are asked, the nearest ones
-    points: int = 8  # that a pixel's depth is the median of, the nearest ones in the image
+    photographs: int = 5  # number of nearest photographs that are read
+    points: int = 8  # number of nearest points in the image, whose median depth a pixel gets
 
 
 class MedianView(Method):
-    """The photographs, their cameras and the scene's points are the model."""
+    """The median of the nearest photographs. The model is the photographs, their cameras and the scene's points."""
 
     _model_mb: float | None = None
 
@@ -52,7 +52,7 @@ class MedianView(Method):
         return MedianConfig()
 
     def fit(self, scene: Scene, folder: Path) -> None:
-        """See Method; over too soon to be interrupted, so no checkpoint is written."""
+        """See Method. It takes seconds, so no checkpoint is written."""
         start = time.perf_counter()
         if not len(scene.points):
             raise InputError(f"{scene.name}: no points", fix="estimate the cameras again, with points")
@@ -67,7 +67,7 @@ class MedianView(Method):
         self._photographs, self._cameras, self._points = photographs, cameras, points
         self._mean = np.nanmean([np.nanmean(image, axis=(0, 1)) for image in photographs], axis=0)
         ahead = np.concatenate([camera.project(points)[1] for camera in cameras])
-        self._reach = float(np.median(ahead[ahead > 0]))  # how far away things are, typically
+        self._reach = float(np.median(ahead[ahead > 0]))  # typical depth
 
     def render(self, camera: Camera) -> Image:
         """See Method."""
@@ -92,7 +92,7 @@ class MedianView(Method):
         return (depth[..., None] * local) @ camera.rotation + camera.centre
 
     def _apart(self, one: Camera, two: Camera) -> float:
-        """How far apart two cameras stand, and the places that they look at."""
+        """Distance of two cameras, plus the distance of the places that they look at."""
         stand, forward = one.centre - two.centre, one.rotation[2] - two.rotation[2]
         return float(np.linalg.norm(stand) + np.linalg.norm(stand + self._reach * forward))
 
@@ -119,7 +119,7 @@ class MedianView(Method):
 
 
 def looked_up(photograph: Image, camera: Camera, places: np.ndarray) -> Image:
-    """What a photograph shows at places [H, W, 3] of the world: colours [H, W, 3], NOWHERE where it does not reach."""
+    """Colours [H, W, 3] of a photograph at places [H, W, 3] of the world; NOWHERE outside the photograph."""
     pixels, depths = camera.project(places.reshape(-1, 3))
     pixels[depths <= 0] = -2  # behind the camera
     x, y = (pixels.reshape(*places.shape[:2], 2) - 0.5).astype(np.float32).transpose(2, 0, 1)

@@ -1,10 +1,10 @@
-"""A whole effect in one file: snow. Soft white flakes, fresh in every view.
+"""A complete effect in one file: snow. Soft white flakes, new in every view.
 
     python -m hydroviews build --scene courtyard --patterns examples.snow:Snow-1
     make eval METHOD=3dgs PATTERNS=examples.snow:Snow-1
 
-Three things make an effect: what is drawn from the seed once a pattern, what falls on a view, and the equation that
-puts it over the clean view. The rest (files, checks, contact sheets, data cards, tables) asks the effect.
+An effect has three parts: parameters drawn once per pattern, layers computed once per view, and an equation that
+composites the layers over the clean view. Files, checks, contact sheets, data cards and tables use these parts.
 """
 
 from collections.abc import Mapping
@@ -23,20 +23,20 @@ from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
 from hydroviews.scene.scenes import View
 
-FLAKES = (200, 600, 1500)  # in a picture: light, medium, heavy
+FLAKES = (200, 600, 1500)  # number per picture: light, medium, heavy
 
 
 @dataclass(frozen=True)
 class SnowPattern:
-    """Everything that is drawn once; it goes into `pattern.json`."""
+    """All parameters that are drawn once per pattern, for `pattern.json`."""
 
-    flakes: int  # in a picture, in the mean
+    flakes: int  # mean number per picture
     radius: float  # standard deviation of a flake, as a share of the geometric mean of width and height
     white: float  # encoded value of a flake
 
 
 class Snow(Effect):
-    """R = (1 - A) B + A white, in encoded values."""
+    """Snow: R = (1 - A) B + A white, in sRGB-encoded values."""
 
     planes: Mapping[str, LayerPlane] = {"A": LayerPlane("cover by snow", "streaks")}
     needed = ("white",)  # by `composite`
@@ -48,7 +48,7 @@ class Snow(Effect):
         return SnowPattern(FLAKES[pattern.level], float(rng.uniform(0.004, 0.008)), float(rng.uniform(0.85, 0.95)))
 
     def place(self, drawn: SnowPattern, pattern: Pattern, statistics: SceneStatistics) -> "FallingSnow":
-        """See Effect; snow asks nothing of the scene."""
+        """See Effect; snow does not depend on the scene."""
         return FallingSnow(drawn, pattern, statistics)
 
     def composite(self, parameters: Mapping[str, Any], clean: Image, layers: Layers) -> Image:
@@ -58,7 +58,7 @@ class Snow(Effect):
 
 
 class FallingSnow:
-    """A pattern on one scene; there is nothing to prepare."""
+    """A pattern on one scene; nothing has to be prepared."""
 
     def __init__(self, drawn: SnowPattern, pattern: Pattern, statistics: SceneStatistics) -> None:
         self.parameters = asdict(drawn)
@@ -69,7 +69,7 @@ class FallingSnow:
         return self
 
     def layers(self, clean: Image, view: View) -> Layers:
-        """See PreparedRain: one Gaussian a flake, where the view's own random numbers put it."""
+        """See PreparedRain: one Gaussian per flake, at a place drawn for this view."""
         rng = pattern_generator(self._pattern, self._statistics, view.name)
         height, width = clean.shape[:2]
         sigma = self._drawn.radius * (width * height) ** 0.5  # pixels

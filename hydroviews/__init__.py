@@ -1,4 +1,6 @@
-"""HydroViews, the data set: clean multi-view captures go in, rain with known parameters is added.
+"""The data set generator: adds rain with known parameters to clean multi-view captures.
+
+HydroViews is the data set of Liu et al. (AAAI 2025); this is an independent implementation of its generator.
 
 files      writing whole or not at all, locks, folders that belong to one set of settings
 scene      cameras, lenses, views, images, masks, depth

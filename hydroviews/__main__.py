@@ -54,20 +54,20 @@ def build_command(
     overwrite: bool = False,
     repair: bool = False,
 ) -> None:
-    """Build a capture's clean views, cameras and rainy variants, or those of every scene of a suite.
+    """Build the clean views, cameras and rainy variants of a scene, or of every scene of a suite.
 
     Args:
-        scene: one that `scenes` lists (courtyard, mipnerf360/garden), or a folder with images and cameras.
-        suite: many scenes at once, by its name or from a TOML file of your own.
-        out: the data folder; the scene becomes a folder in it. `data/<profile>` if not given.
-        profile: size, patterns, views of an embedded scene.
-        seed: of everything drawn; 0 if the scene is new.
-        long_side: pixels of the longer side, instead of the profile's.
-        lens_renderer: how water on the lens is drawn: disk (fast, the default), aperture (accurate) or traced (slow).
-        patterns: 0 is light, 1 medium, 2 heavy; instead of the profile's.
-        captures: the folder with published captures; $HYDROVIEWS_CAPTURES or `captures` if not given.
-        overwrite: drop a scene that was built with other settings.
-        repair: make files of a finished scene again that are no longer what the manifest says.
+        scene: a name that `scenes` lists (courtyard, mipnerf360/garden), or a folder with images and cameras.
+        suite: name of a suite, or a TOML file of your own; builds many scenes.
+        out: the data folder, in which the scene becomes a folder. Default: `data/<profile>`.
+        profile: image size, patterns, and number of views of an embedded scene.
+        seed: seed of the rain and of embedded scenes. Default: 0, or the seed of the scene that is there.
+        long_side: longer side of the images in pixels. Default: the profile's.
+        lens_renderer: method for water on the lens: disk (fast, the default), aperture (accurate), traced (slow).
+        patterns: effects with a grade: 0 is light, 1 medium, 2 heavy. Default: the profile's.
+        captures: the folder with captures. Default: $HYDROVIEWS_CAPTURES, else `captures`.
+        overwrite: replace a scene that was built with other settings.
+        repair: restore files of a finished scene that differ from the manifest.
     """
     sizes, data = find_profile(profile), out or Path("data") / profile
     if suite is not None:
@@ -105,10 +105,10 @@ def _build_suite(name: str, data: Path, profile: Profile, settings: dict[str, An
 
 
 def scenes_command(captures: Path | None = None) -> None:
-    """List the scenes there are: embedded ones and published captures, where each comes from, whether it is here.
+    """List embedded scenes and published captures, with their source and place on this machine.
 
     Args:
-        captures: the folder with published captures; $HYDROVIEWS_CAPTURES or `captures` if not given.
+        captures: the folder with captures. Default: $HYDROVIEWS_CAPTURES, else `captures`.
     """
     rows = [(name, "modelled, rendered with Blender", "comes with the package") for name in EMBEDDED]
     rows += [(one.name, one.title, _whereabouts(one, captures_root(captures))) for one in all_captures()]
@@ -127,24 +127,23 @@ def _whereabouts(capture: Capture, root: Path) -> str:
 def download_command(
     name: Annotated[str, tyro.conf.Positional], captures: Path | None = None, mirror: str | None = None
 ) -> None:
-    """Download a published capture, or all of a collection; finished files are kept, begun ones are resumed.
+    """Download a published capture or a whole collection; interrupted downloads resume.
 
     Args:
         name: such as mipnerf360/garden, or mipnerf360 for all of its scenes.
-        captures: the folder it goes to; $HYDROVIEWS_CAPTURES or `captures` if not given.
-        mirror: where to look first: an archive's address, or that of a folder with the archives.
-            $HYDROVIEWS_MIRROR if not given.
+        captures: the folder for captures. Default: $HYDROVIEWS_CAPTURES, else `captures`.
+        mirror: address of an archive, or of a folder with archives, to try first. Default: $HYDROVIEWS_MIRROR.
     """
     for folder in download_captures(name, captures_root(captures), mirror):
         print(f"ready: {folder}")
 
 
 def verify_command(data: Annotated[Path, tyro.conf.Positional], every_view: bool = False) -> None:
-    """Recompute every hash, and re-derive one rainy view of each variant from clean view, layers and parameters.
+    """Compare every file with its hash, and draw one rainy view of each variant again.
 
     Args:
         data: a data folder, or a built scene in one.
-        every_view: re-derive every view of every variant, not one of each.
+        every_view: draw every view again.
     """
     problems = verify(data, every_view)
     for problem in problems:
@@ -157,13 +156,13 @@ def verify_command(data: Annotated[Path, tyro.conf.Positional], every_view: bool
 def sheet_command(
     data: Annotated[Path, tyro.conf.Positional], scene: str = "", views: int = COLUMNS, out: Path | None = None
 ) -> None:
-    """Draw contact sheets: the rain on a few views, and the layers it is made of.
+    """Draw contact sheets: a few rainy views of every pattern, and their layers.
 
     Args:
         data: a data folder, or a built scene in one.
-        scene: only the one of that name.
-        views: how many, spread evenly over the capture.
-        out: where the sheets go; `sheets` in the data folder if not given.
+        scene: draw only the scene of this name.
+        views: number of views, spread evenly over the capture.
+        out: folder of the sheets. Default: `sheets` in the data folder.
     """
     for folder in built_scenes(data, scene):
         for path in write_sheets(folder, out, views):
@@ -180,13 +179,13 @@ def poses_command(
     """Estimate cameras for a folder of photographs with pycolmap.
 
     Args:
-        images: the photographs.
-        out: where the capture goes; `<images>-capture` if not given, `walk-capture` for `walk/images`.
-        rainy: they were taken in rain: features are learned ones, and what stays in one place of the lens is none. The
-            capture's `capture.json` says so: nobody takes its photographs for clean views.
-        panoramas: cut: perspective photographs are cut out of those of 360 cameras; refuse: there must be none.
-        features: learned: XFeat, matched by LighterGlue, whose weights are fetched once; sift; auto: learned ones in
-            rain, sift in dry weather and without a package index.
+        images: folder of the photographs.
+        out: folder of the capture. Default: `<images>-capture`, or `walk-capture` for `walk/images`.
+        rainy: the photographs were taken in rain: use learned features, and ignore features fixed on the lens. The
+            capture's `capture.json` records this, so its photographs never count as clean views.
+        panoramas: cut: cut 360-degree panoramas into perspective views; refuse: raise an error for a panorama.
+        features: learned: XFeat with LighterGlue, weights downloaded once; sift: SIFT; auto: learned in rain if the
+            weights can be downloaded, otherwise sift.
     """
     images = images.resolve()
     out = out or _capture_beside(images)
@@ -223,20 +222,20 @@ def video_command(
     matcher: Matcher = "auto",
     seed: int = 0,
 ) -> None:
-    """Make a capture from a film taken in rain: sharp frames, and cameras estimated from them.
+    """Make a capture from a video: select sharp frames and estimate their cameras.
 
     Args:
         film: the video file.
-        out: where the capture goes; `<film>-capture` beside it if not given.
-        rate: frames taken a second, each the sharpest one near its instant.
-        long_side: pixels of the frames' longer side, if the film is larger.
-        masks: what to hide, in white: a picture for all frames, a folder of pictures named like the frames, or a
-            film that runs beside this one.
-        inpaint: fill in what is hidden.
-        dry: it did not rain: the frames are clean views, to which rain can be added.
-        frames_only: stop before cameras are estimated, to draw masks.
-        matcher: exhaustive, sequential, or auto: the first for up to 80 frames.
-        seed: of the estimation of cameras.
+        out: folder of the capture. Default: `<film>-capture` beside the video.
+        rate: frames per second; each is the sharpest frame near its instant.
+        long_side: longer side of the frames in pixels, if the video is larger.
+        masks: hidden pixels in white: a picture for all frames, a folder of pictures named like the frames, or a
+            video that runs beside this one.
+        inpaint: fill the hidden pixels.
+        dry: the video shows dry weather: its frames are clean views, to which rain can be added.
+        frames_only: stop before cameras are estimated, so that you can draw masks.
+        matcher: exhaustive: all pairs; sequential: neighbours and keyframes; auto: exhaustive up to 80 frames.
+        seed: seed of the camera estimation.
     """
     out = out or film.with_name(film.stem + "-capture")
     choice = FrameChoice(rate, long_side)
@@ -253,7 +252,7 @@ def video_command(
             seed=seed,
         )
     if scene is None:
-        draw = f"draw masks, white where hidden, under the names of {out / 'images'}; then add --masks FOLDER"
+        draw = f"draw masks, white where hidden, with the names of {out / 'images'}; then add --masks FOLDER"
         print(f"masks: {out / MASKS}; go on without --frames-only" if masks else draw)
         return
     for note in scene.notes:
@@ -269,15 +268,15 @@ def pack_command(
     i_have_the_rights: str = "",
     layers_only: bool = False,
 ) -> None:
-    """Pack a data set to hand it on: an archive for every variant, with licence and Croissant metadata.
+    """Pack a data set for redistribution: one archive per variant, with licence and Croissant metadata.
 
     Args:
         data: a data folder, or a built scene in one.
-        out: the folder for the archives, or the archive itself (`*.zip`) where there is one to write.
-        scene: only the one of that name.
-        patterns: only these variants, such as raindrop-1; clean is the scene without rain.
-        i_have_the_rights: the licence of the photographs, if it is yours to give: an SPDX identifier or a text.
-        layers_only: leave out pictures, which people with the same capture have or can make.
+        out: folder of the archives, or the archive itself (`*.zip`) for a single variant.
+        scene: pack only the scene of this name.
+        patterns: pack only these variants, such as raindrop-1; clean is the scene without rain.
+        i_have_the_rights: licence under which you publish the photographs: an SPDX identifier or a text.
+        layers_only: leave out the pictures, which people with the same capture can compute.
     """
     archives = pack(data, out, scene=scene, patterns=patterns, owner_says=i_have_the_rights, layers_only=layers_only)
     for path, digest in archives:
@@ -285,10 +284,10 @@ def pack_command(
 
 
 def fetch_command(address: Annotated[str, tyro.conf.Positional], out: Path) -> None:
-    """Get a packed variant, check it, and add it to a data folder; what was interrupted goes on.
+    """Download a packed variant, check it and add it to a data folder; an interrupted download resumes.
 
     Args:
-        address: http(s)://... or a file; `#sha256=...` at its end is the checksum that it must have.
+        address: http(s)://... or a file; `#sha256=...` at the end is the required checksum.
         out: the data folder.
     """
     print(f"ready: {fetch(address, out)}")

@@ -55,4 +55,4 @@ def require_seed(seed: int | None) -> None:
         InputError: it is negative.
     """
     if seed is not None and seed < 0:
-        raise InputError(f"--seed {seed}: no seed", expected="a whole number from 0 on")
+        raise InputError(f"--seed {seed}: not a valid seed", expected="a whole number, at least 0")

@@ -1,4 +1,4 @@
-"""python -m leaderboard evaluate | sweep | run | check | table | site | compare | publish | board | score | ..."""
+"""python -m leaderboard evaluate | sweep | check | table | compare | site | view | publish | board | ..."""
 
 from hydroviews.cli.starting import begin
 
@@ -8,10 +8,10 @@ if __name__ == "__main__":
 import inspect
 import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
-import pandas as pd
 import tyro
 
 from baselines.method import METHODS, WRAPPERS, find_method, find_wrapper
@@ -22,20 +22,15 @@ from hydroviews.dataset.manifest import built_scenes
 from hydroviews.dataset.suites import DEVELOPMENT, TEST
 from hydroviews.errors import InputError
 from hydroviews.profiles import find_profile
-from hydroviews.rain.registry import choose_patterns
 from leaderboard.contract.check import MINUTES, check
 from leaderboard.contract.trials import Result
-from leaderboard.evaluate import EvaluateRequest, carry_out, evaluate, figures, outcome
+from leaderboard.evaluate import EvaluateRequest, evaluate, figures, outcome
 from leaderboard.gather import BOARD, collect_views, is_board, read_leaderboard, write_leaderboard
 from leaderboard.publishing.board_pages import write_board
-from leaderboard.publishing.nerfbaselines import write_results
 from leaderboard.publishing.publish import publish
-from leaderboard.records import FAILED, GIVEN_POSES, LEADERBOARD
+from leaderboard.records import GIVEN_POSES, LEADERBOARD
 from leaderboard.runs.run import Run
 from leaderboard.runs.run_options import MethodName, PatternNames, ProfileName, TrackName
-from leaderboard.runs.supervision import Limits
-from leaderboard.scoring.previews import write_overview
-from leaderboard.scoring.rescore import TOLERANCE, rescore
 from leaderboard.scoring.score import score
 from leaderboard.scoring.submission import submit
 from leaderboard.site.write import write_site
@@ -74,17 +69,6 @@ def sweep_command(request: tyro.conf.OmitArgPrefixes[SweepRequest]) -> None:
         sys.exit(1)
 
 
-def one_run_command(run: Run, limits: Limits) -> None:
-    """Train, render and score one run on a scene that is built, as a task of `sweep` does; writes no tables.
-
-    Args:
-        run: its method, pattern, seed and folders.
-        limits: of its process.
-    """
-    if carry_out(run, limits).status == FAILED:
-        sys.exit(1)
-
-
 def check_command(
     method: tyro.conf.Positional[MethodName],
     profile: ProfileName = "demo",
@@ -118,12 +102,13 @@ def _first_line(documented: object) -> str:
     return (inspect.getdoc(documented) or "").partition("\n")[0]
 
 
-def table_command(results: Path = Path("results"), suite: SuiteName = "") -> None:
+def table_command(results: Path = Path("results"), suite: SuiteName = "", cards: Path | None = None) -> None:
     """Gather all records into leaderboard.csv, per_view.csv and tables.md, and print the tables.
 
     Args:
         results: the results folder.
         suite: print its scenes alone.
+        cards: a data folder, or a built scene in one, whose data cards get what plain 3DGS loses to each variant.
     """
     table = of_suite(write_leaderboard(results), suite)
     for keys in scene_keys(table):
@@ -131,6 +116,31 @@ def table_command(results: Path = Path("results"), suite: SuiteName = "") -> Non
     print(f"\n{legend()}")
     if not is_board(results):
         print(f"all runs: {results / LEADERBOARD}")
+    if cards:
+        enter_losses(cards, results)
+
+
+def enter_losses(data: Path, results: Path) -> None:
+    """Enter what plain 3DGS loses to each variant into the cards of built scenes, and print it.
+
+    Args:
+        data: a data folder, or a built scene in one.
+        results: with leaderboard.csv.
+
+    Raises:
+        InputError: a scene has no runs; the others have their losses entered.
+    """
+    failures = []
+    for folder in built_scenes(data):
+        try:
+            losses = record_losses(folder, results)
+            print(f"{folder.name}\n{losses.to_string(index=False)}")
+            numbers = numbers_for_grades(folder, losses)
+            print(f"measured, for its capture.json: {json.dumps(numbers)}\n" if numbers else "")
+        except InputError as error:
+            failures.append(str(error))
+    if failures:
+        raise InputError("\n".join(failures))
 
 
 def site_command(results: Path = Path("results"), data: Path = DATA) -> None:
@@ -245,23 +255,6 @@ def score_command(
     print(f"{run}: {figures(score(run))}")
 
 
-def rescore_command(results: Path = Path("results"), data: Path = DATA) -> None:
-    """Calculate all scores of all runs again from their renders and say what differs; exit status 1 if anything does.
-
-    Args:
-        results: folder of the runs.
-        data: folder that they were built in.
-    """
-    found = rescore(results, data)
-    if found.differences:
-        print(pd.DataFrame(found.differences).to_string(index=False))
-    for folder, reason in found.not_compared.items():
-        print(f"{folder}: not calculated again: {reason}")
-    print(f"{found.runs} runs calculated again, {len(found.differences)} numbers differ by more than {TOLERANCE:g}")
-    if not found.agrees:
-        sys.exit(1)
-
-
 def submit_command(
     folder: tyro.conf.Positional[Path],
     data: Path = DATA,
@@ -279,38 +272,6 @@ def submit_command(
     records = submit(folder, data, results, overwrite)
     for record in {(record.scene, record.track): record for record in records}.values():
         print(f"\n{outcome(record, results)}")
-
-
-def overview_command(
-    view: str,
-    patterns: PatternNames = (),
-    method: MethodName = "3dgs",
-    scene: str = "courtyard",
-    profile: ProfileName = "demo",
-    seed: int = 0,
-    track: TrackName = GIVEN_POSES,
-    data: Path = Path("data"),
-    results: Path = Path("results"),
-    out: Path = Path("overview.png"),
-) -> None:
-    """Put clean view, rainy view and render side by side, a row a pattern.
-
-    Args:
-        view: name of a held-out view.
-        patterns: the rows; the profile's patterns if none is named.
-        method: whose renders.
-        scene: a built scene.
-        profile: of the runs.
-        seed: of the runs.
-        track: of the runs.
-        data: folder that `make eval` built in.
-        results: folder of the runs.
-        out: the picture.
-    """
-    rows = [pattern.name for pattern in choose_patterns(patterns, find_profile(profile).patterns)]
-    runs = [Run(method, profile, seed, data / profile, scene, pattern, results, track) for pattern in rows]
-    write_overview(runs, view, out)
-    print(out)
 
 
 def view_command(run: tyro.conf.Positional[Path], data: Path = DATA, host: str = HOST, port: int = PORT) -> None:
@@ -345,71 +306,45 @@ def film_command(
 def export_command(
     run: tyro.conf.Positional[Path],
     out: Path,
-    format: Format | Literal["nerfbaselines"] = "ply",
+    format: Format = "ply",
     sh_degree: int | None = None,
 ) -> None:
-    """Write a run's Gaussians as one file for viewers, or its scores for nerfbaselines.
+    """Write a run's Gaussians as one file for viewers.
 
     Args:
         run: folder of a finished run.
-        out: the file, .ply; .json for nerfbaselines.
-        format: ply, which shows the same as splats.ply; compressed, about a quarter as large; or nerfbaselines.
+        out: the file, .ply.
+        format: ply, which shows the same as splats.ply, or compressed, about a quarter as large.
         sh_degree: leave out spherical harmonics above this degree.
     """
-    if format != "nerfbaselines":
-        export(run, out, format, sh_degree)
-    elif sh_degree is not None:
-        raise InputError(f"--sh-degree {sh_degree}: there are no spherical harmonics in a file of scores")
-    else:
-        write_results(run, out)
+    export(run, out, format, sh_degree)
 
 
-def card_command(data: tyro.conf.Positional[Path], scene: str = "", results: Path = Path("results")) -> None:
-    """Enter what plain 3DGS loses to each variant into the data cards, from the runs in a results folder.
-
-    Args:
-        data: a data folder, or a built scene in one.
-        scene: only the one of that name.
-        results: the folder that `make eval` wrote.
-    """
-    failures = []
-    for folder in built_scenes(data, scene):
-        try:
-            losses = record_losses(folder, results)
-            print(f"{folder.name}\n{losses.to_string(index=False)}")
-            numbers = numbers_for_grades(folder, losses)
-            print(f"measured, for its capture.json: {json.dumps(numbers)}\n" if numbers else "")
-        except InputError as error:  # a scene without runs does not hold up the others
-            failures.append(str(error))
-    if failures:
-        raise InputError("\n".join(failures))
+GROUPS: dict[str, dict[str, Callable[..., None]]] = {  # by what they are for
+    "run": {
+        "evaluate": evaluate_command,
+        "sweep": sweep_command,
+        "check": check_command,
+        "methods": methods_command,
+        "score": score_command,
+        "submit": submit_command,
+    },
+    "look": {
+        "table": table_command,
+        "compare": compare_command,
+        "site": site_command,
+        "view": view_command,
+        "film": film_command,
+        "export": export_command,
+    },
+    "publish": {"publish": publish_command, "board": board_command},
+}
 
 
 def main() -> None:
     """Entry point."""
-    run_command(
-        {
-            "evaluate": evaluate_command,
-            "sweep": sweep_command,
-            "run": one_run_command,
-            "check": check_command,
-            "methods": methods_command,
-            "table": table_command,
-            "site": site_command,
-            "compare": compare_command,
-            "publish": publish_command,
-            "board": board_command,
-            "score": score_command,
-            "rescore": rescore_command,
-            "submit": submit_command,
-            "overview": overview_command,
-            "view": view_command,
-            "film": film_command,
-            "export": export_command,
-            "card": card_command,
-        },
-        prog="leaderboard",
-    )
+    commands = {name: command for group in GROUPS.values() for name, command in group.items()}
+    run_command(commands, prog="leaderboard", groups=GROUPS)
 
 
 if __name__ == "__main__":

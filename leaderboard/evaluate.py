@@ -18,6 +18,7 @@ from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import has_ceiling, is_captured
 from hydroviews.errors import InputError
+from hydroviews.files import ownership
 from hydroviews.files.atomic import write_bytes
 from hydroviews.files.locks import BUSY, locked
 from hydroviews.formats.capture_json import CAPTURED
@@ -52,12 +53,12 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class EvaluateRequest(RunOptions):
-    """What to evaluate."""
+    """A method and a scene to evaluate."""
 
-    method: MethodName  # a registered name, or package.module:Class; NAME+WRAPPER wraps it
-    scene: str = "courtyard"  # one that `python -m hydroviews scenes` lists, or a folder
-    seed: int = 0  # of the method; the data set keeps the seed it was built with
-    overwrite: bool = False  # build and run anew what is there with other settings
+    method: MethodName  # a registered name, or package.module:Class; NAME+WRAPPER applies a wrapper
+    scene: str = "courtyard"  # a name that `python -m hydroviews scenes` lists, or a folder
+    seed: int = 0  # seed of the method; the data set keeps its own seed
+    overwrite: bool = False  # replace scenes and runs that have other settings
 
 
 def evaluate(request: EvaluateRequest) -> list[Record]:
@@ -186,7 +187,8 @@ def _train_in_process(run: Run, limits: Limits) -> str:
     config = run.folder / CONFIG
     settings = config.read_bytes()
     clear_the_way(run.folder)
-    reason = _train_on_copies(run, limits)
+    with ownership.adopting(run.folder):
+        reason = _train_on_copies(run, limits)
     if left := clear_the_way(run.folder):
         reason = reason or left_by_the_method(left)
     if not config.is_file() or config.read_bytes() != settings:

@@ -1,24 +1,23 @@
-"""The documentation: pages have their size, links lead somewhere, and what they tell people to type is what runs."""
+"""The documentation: links lead somewhere, commands and code on pages run, and generated parts match the program."""
 
-import contextlib
 import dataclasses
-import functools
-import importlib.util
-import io
 import json
 import re
 import shlex
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from importlib.metadata import entry_points
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
-import tyro
 from commands import command
+from parsing import docs_hooks, refusal
 from synthetic import capture_in
 
 from hydroviews.formats.writers import write_colmap
+from leaderboard.gather import BOARD, run_folders
 
 REPOSITORY = Path(__file__).parents[1]
 DOCS = REPOSITORY / "docs"
@@ -29,7 +28,8 @@ FENCED = re.compile(r"^```(\w*)[^\n]*\n(.*?)^```", re.MULTILINE | re.DOTALL)
 CODE = re.compile(r"`((?:hydroviews|baselines|deraings|leaderboard|tests|benchmarks|examples)/[\w/.-]+)`")
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 CHEAP = ["python -m deraings.enhancement describe --network small"]  # seconds, and without data
-MOST_WORDS, MOST_LINES = 800, 150
+MOST_LINES = 120  # of the README
+ELSEWHERE = {"git", "source", "cd", "pip", "export"}  # commands on pages that are not ours; shells parse them
 
 
 def name(path: Path) -> str:
@@ -53,40 +53,21 @@ def commands() -> Iterator[tuple[str, list[str]]]:
                 yield name(page), words
 
 
-def parsed(function: Callable, words: list[str]) -> str:
-    """What the command's parser says against these arguments; empty if it takes them. Nothing is run."""
-
-    @functools.wraps(function)
-    def nothing(*_, **__):
-        pass
-
-    out = io.StringIO()
-    try:
-        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(out):
-            tyro.cli(nothing, args=words)
-    except SystemExit:
-        return out.getvalue()
-    return ""
-
-
 @pytest.fixture(scope="module")
 def hooks():
-    spec = importlib.util.spec_from_file_location("docs_hooks", DOCS / "hooks.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-@pytest.mark.parametrize("page", PAGES, ids=name)
-def test_a_page_can_be_read_in_one_go(page):
-    words = len(prose(page).split())
-    assert words <= MOST_WORDS, f"{words} words; what was tried belongs into docs/experiments"
+    return docs_hooks()
 
 
 def test_the_readme_is_one_look():
     lines = (REPOSITORY / "README.md").read_text().splitlines()
     assert len(lines) <= MOST_LINES
     assert any(line.startswith("![") for line in lines[:15]), "a picture above the fold"
+
+
+def test_the_readme_counts_methods_and_published_runs():
+    text = (REPOSITORY / "README.md").read_text()
+    assert int(re.search(r"\*\*(\d+) registered methods", text)[1]) == len(entry_points(group="hydroviews.methods"))
+    assert int(re.search(r"of (\d+) published runs", text)[1]) == len(run_folders(BOARD))
 
 
 @pytest.mark.parametrize("page", [*READ, *sorted(NOTEBOOK.glob("*.md"))], ids=name)
@@ -109,14 +90,27 @@ def test_pages_that_the_code_names_are_there():
     assert sorted((page, name) for page, name in named if not (REPOSITORY / page).is_file()) == []
 
 
-def test_every_page_is_in_the_navigation(hooks):
-    navigation = (REPOSITORY / "mkdocs.yml").read_text()
-    for title, pages in hooks.listed().items():
-        assert f"- {title}: []" in navigation
-        assert pages
-    filled = tuple(f"{folder}/" for folder in hooks.FOLDERS.values())
-    pages = [str(page.relative_to(DOCS)) for page in PAGES]
-    assert sorted(re.findall(r"[\w/-]+\.md", navigation)) == [page for page in pages if not page.startswith(filled)]
+def test_every_page_is_in_the_navigation_once_and_the_notebook_is_not():
+    navigation = (REPOSITORY / "mkdocs.yml").read_text().partition("\nnav:")[2]
+    assert "- API: []" in navigation
+    assert sorted(re.findall(r"[\w/-]+\.md", navigation)) == [str(page.relative_to(DOCS)) for page in PAGES]
+
+
+def test_generated_pages_of_the_navigation_are_there(hooks):
+    listed = [
+        path for top in hooks.listed()["API"] for below in top.values() for page in below for path in page.values()
+    ]
+    assert sorted(listed) == sorted(f"reference/api/{package}.md" for package in hooks.api_pages())
+
+
+def test_searches_leave_the_notebook_out(hooks):
+    def meta(address):
+        page = SimpleNamespace(file=SimpleNamespace(src_uri=address), meta={})
+        hooks.on_page_markdown("text", page)
+        return page.meta
+
+    assert meta("experiments/2026-11-gpu.md") == {"search": {"exclude": True}}
+    assert meta("install.md") == {}
 
 
 def test_notes_of_experiments_are_dated_and_listed():
@@ -156,7 +150,7 @@ def test_commands_are_parsed_by_the_programs(hooks):
     for page, words in said:
         line = " ".join(words[:4])
         assert line in known, f"{page}: {line}"
-        problem = parsed(known[line], words[4:])
+        problem = refusal(known[line], words[4:])
         assert not problem, f"{page}: {' '.join(words)}\n{problem}"
 
 
@@ -170,12 +164,20 @@ def test_cheap_commands_run(line, monkeypatch):
 
 def test_an_option_that_there_is_not_would_be_noticed(hooks):
     sheet = hooks.commands()["python -m hydroviews sheet"]
-    assert "--no-such-option" in parsed(sheet, ["data", "--no-such-option", "1"])
-    assert parsed(sheet, ["data", "--views", "many"])
+    assert "--no-such-option" in refusal(sheet, ["data", "--no-such-option", "1"])
+    assert refusal(sheet, ["data", "--views", "many"])
 
 
-def test_blocks_hold_commands_alone():
-    assert {words[0] for _, words in commands()} == {"make", "python"}
+def test_blocks_hold_commands_that_are_parsed_here_or_known():
+    found = {words[0] for _, words in commands()}
+    assert {"make", "python"} <= found <= {"make", "python", *ELSEWHERE}
+
+
+@pytest.mark.parametrize("page", READ, ids=name)
+def test_a_shell_parses_every_block(page):
+    for text in blocks(page, "bash"):
+        done = subprocess.run(["bash", "-n"], input=text, text=True, capture_output=True)
+        assert not done.returncode + len(done.stderr), f"{text}\n{done.stderr}"
 
 
 def test_the_reference_lists_every_command_and_target(hooks):
@@ -207,6 +209,60 @@ def test_the_reference_says_what_a_setting_means_wherever_its_class_says_it(hook
     assert meanings["mist.slack"].endswith("that most is a quantile.")  # of two lines
     assert all(meanings.values())
     assert hooks.comments(MistConfig).keys() == {field.name for field in dataclasses.fields(MistConfig)}
+
+
+def test_every_baseline_has_a_card_and_every_card_is_written(hooks):
+    methods = DOCS / "methods"
+    asked = [match for page in methods.glob("*.md") for match in hooks.REQUEST.findall(page.read_text())]
+    carded = {argument.strip() for kind, argument in asked if kind == "card"}
+    assert len(carded) > 10
+    for method in carded:
+        assert f"| `{method}` |" in hooks.card(method)
+    cards = "".join((methods / page).read_text() for page in ("splatting.md", "radiance-fields.md"))
+    ours = {"deraings", "deraings-plus"}  # have pages of their own
+    names = {entry.name for entry in entry_points(group="hydroviews.methods")} - ours
+    assert sorted(name for name in names if f"`{name}`" not in cards) == []
+    assert sorted(names - carded) == ["3dgs-budget", "3dgs-budget-clean", "3dgs-clean"]  # not run, or a reference
+
+
+def test_a_card_has_the_boards_scores_and_the_differences_to_the_floor(hooks):
+    runs = {
+        name: json.loads((BOARD / f"demo/{name}/pond/streak-1/seed-0/record.json").read_text())
+        for name in ("gs-w", "3dgs")
+    }
+    own, floor = (runs[name]["psnr"] for name in ("gs-w", "3dgs"))
+    row = next(line for line in hooks.card("gs-w").splitlines() if line.startswith("| pond |"))
+    assert row.split(" | ")[2] == f"{own:.2f} ({own - floor:+.2f})"
+    row = next(line for line in hooks.card("3dgs").splitlines() if line.startswith("| courtyard (development) |"))
+    assert "(+" not in row
+    assert "(-" not in row
+    with pytest.raises(ValueError, match="no run of it"):
+        hooks.card("3dgs-budget")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_formulas_are_typeset(page, hooks):
+    markdown = pytest.importorskip("markdown")
+    pytest.importorskip("latex2mathml")
+    pytest.importorskip("pymdownx")
+    extensions = ["tables", "pymdownx.superfences", "pymdownx.arithmatex"]
+    text = markdown.markdown(
+        page.read_text(), extensions=extensions, extension_configs={"pymdownx.arithmatex": {"generic": True}}
+    )
+    typeset = hooks.typeset(text)
+    assert "arithmatex" not in typeset
+    assert typeset.count("<math") == text.count("arithmatex")
+
+
+def test_formulas_become_mathml_that_needs_no_network(hooks):
+    pytest.importorskip("latex2mathml")
+    block = hooks.typeset(r'<div class="arithmatex">\[a &lt; \frac{1}{2}\]</div>')
+    assert block.startswith("<math")
+    assert 'display="block"' in block
+    assert "<mfrac>" in block
+    assert "&#x0003C;" in block or "&lt;" in block
+    assert "http" not in block.replace("http://www.w3.org/1998/Math/MathML", "")
+    assert hooks.typeset("<p>no formula, $5</p>") == "<p>no formula, $5</p>"
 
 
 @pytest.mark.parametrize("page", READ, ids=name)

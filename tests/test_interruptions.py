@@ -56,26 +56,3 @@ def test_a_child_that_is_importing_ends_quietly(family):
     assert "Traceback" not in errors
     assert errors.count("interrupted") == 2  # by the parent at once, by the child once it can
     assert not Path(f"/proc/{child}").exists()
-
-
-def test_a_process_that_knows_nothing_of_ctrl_c_ends_with_its_command(tmp_path):
-    code = (
-        "import os, sys; from hydroviews.cli.commands import run_command;"
-        "from hydroviews.cli.processes import run_process;"
-        "work = 'import os, pathlib, time; pathlib.Path(\"pid\").write_text(str(os.getpid())); time.sleep(600)';"
-        "run_command({'start': lambda: run_process([sys.executable, '-c', work], os.environ), 'rest': print}, prog='x')"
-    )
-    process = subprocess.Popen(
-        [sys.executable, "-c", code, "start"],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    wait_until(lambda: (tmp_path / "pid").exists() and (tmp_path / "pid").read_text(), process)
-    os.killpg(process.pid, signal.SIGINT)
-    _, errors = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 130
-    assert "Traceback" not in errors
-    assert not Path("/proc", (tmp_path / "pid").read_text()).exists()

@@ -11,12 +11,12 @@ from baselines.volumetric.masking import PriceConfig
 class StyleConfig:
     """The encoder of a photograph's style; the defaults are the authors'."""
 
-    channels: tuple[int, int, int] = (64, 128, 128)  # of its three stages, between which the picture is halved
-    side: int = 128  # pixels; it sees photographs as squares
-    map_side: int = 32  # of the style map
-    rate: float = 5e-4  # of Adam
-    penalty: float = 1e-5  # of the mean square of the map
-    mean_share: float = 0.0  # of a step's rays, which get the mean style instead of their view's
+    channels: tuple[int, int, int] = (64, 128, 128)  # channels of the three stages; the picture is halved between them
+    side: int = 128  # side in pixels of the square that photographs are resized to
+    map_side: int = 32  # side of the style map in pixels
+    rate: float = 5e-4  # learning rate of Adam
+    penalty: float = 1e-5  # weight of the mean square of the map
+    mean_share: float = 0.0  # share of the rays of a step that use the mean style
 
     def __post_init__(self) -> None:
         if not 0 <= self.mean_share <= 1:
@@ -31,9 +31,9 @@ class StyleConfig:
 class TransformConfig:
     """The cross-ray transform; the defaults are the authors'."""
 
-    size: int = 32  # m, of its matrices
-    hidden: tuple[int, ...] = (128, 64)  # units of the networks whose outputs' covariances are taken
-    rate: float = 5e-4  # of Adam, of the networks of both matrices
+    size: int = 32  # side m of the matrices
+    hidden: tuple[int, ...] = (128, 64)  # units of the networks whose covariances are used
+    rate: float = 5e-4  # learning rate of Adam for the networks of both matrices
 
 
 @dataclass(frozen=True)
@@ -41,9 +41,9 @@ class TransientConfig(PriceConfig):
     """The network of the masks, and what masking costs."""
 
     channels: int = 64
-    dilations: tuple[int, ...] = (1, 2, 2, 4, 4)  # of the convolutions after the one that halves the picture
-    side: int = 256  # pixels; it sees photographs as squares
-    rate: float = 5e-4  # of Adam
+    dilations: tuple[int, ...] = (1, 2, 2, 4, 4)  # dilations of the convolutions after the first
+    side: int = 256  # side in pixels of the square that photographs are resized to
+    rate: float = 5e-4  # learning rate of Adam
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -58,12 +58,12 @@ class CrNerfConfig:
     """A field of features, the transform to colours, masks, and the grids of a step."""
 
     volumetric: VolumetricConfig = field(default_factory=VolumetricConfig)
-    features: int = 64  # composited along a ray
+    features: int = 64  # number of features per ray
     style: StyleConfig = field(default_factory=StyleConfig)
     transform: TransformConfig = field(default_factory=TransformConfig)
     transients: TransientConfig = field(default_factory=TransientConfig)
-    photographs: int = 1  # a step
-    min_scale: float = 0.5  # smallest side of a step's grid, as a share of the photograph's
+    photographs: int = 1  # photographs per step
+    min_scale: float = 0.5  # smallest side of the grid of rays, as a share of the photograph's side
 
     def __post_init__(self) -> None:
         if not 1 <= self.transform.size <= self.features:

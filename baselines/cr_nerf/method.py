@@ -5,7 +5,7 @@ linear map that depends on their covariance and on that of a style map of the ph
 Occlusions: a network of the photograph says what the scene need not explain (`transients`). A step sees a grid of rays
 in one photograph (`volumetric.grids`). Held-out views have the mean style of the training views.
 
-Where this deviates, beside what all radiance fields here share (docs/topics/radiance-fields.md), and why:
+Where this deviates, beside what all radiance fields here share (docs/methods/radiance-fields.md), and why:
 
 * Held-out views are not looked at. The authors take the style of the whole held-out photograph.
 * A render takes mean and matrix of the features from the training steps, as running averages. The authors take those of
@@ -42,7 +42,7 @@ from baselines.volumetric.spaces import Space
 
 
 class CrNerf(RadianceMethod):
-    """CR-NeRF (Yang et al. 2023): a field of features, coloured across rays in the styles of the photographs."""
+    """CR-NeRF (Yang et al. 2023): a field of features; colours depend on all rays and the style of a photograph."""
 
     profiles: ClassVar[Mapping[str, Any]] = PROFILES
 

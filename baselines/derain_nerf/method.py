@@ -8,7 +8,7 @@ last attention map reaches a threshold a pixel is hidden, M = 1, and the field i
 Rays are drawn over all pixels; those that are hidden count nothing. The network's other half, the photographs without
 their drops, is not used: C* is the photograph as it was taken, as in the paper.
 
-Where this deviates, beside what all radiance fields here share (docs/topics/radiance-fields.md): the map is widened
+Where this deviates, beside what all radiance fields here share (docs/methods/radiance-fields.md): the map is widened
 by one pixel of the photograph, whatever its size, since attention fades at the rims of drops, their darkest part; the
 field is a hash grid in the short profiles, that of NeRF in `paper`; scenes that are seen from all sides are
 contracted and not in normalised device coordinates, which have no room for them; no noise is added to densities.
@@ -43,11 +43,11 @@ MASKS = "drops"
 class DropDetectionConfig:
     """How drops are detected."""
 
-    weights: str = "small"  # of the network, by name or path
-    threshold: float = 0.2  # attention from which on a pixel is hidden
-    widened: int = 1  # pixels of the photograph, whatever its size, by which masks grow on every side
-    longest: int = 480  # pixels a side; drops are detected in larger pictures at this size, that of the training
-    weights_sha256: str | None = None  # of their file: runs with other weights are other runs
+    weights: str = "small"  # weights of the network, by name or path
+    threshold: float = 0.2  # smallest attention of a hidden pixel
+    widened: int = 1  # pixels by which masks are widened on every side
+    longest: int = 480  # largest side in pixels for detection; larger pictures are shrunk to it
+    weights_sha256: str | None = None  # SHA-256 of the file of the weights
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ PROFILES = {
 
 
 class DerainNeRF(RadianceMethod):
-    """DerainNeRF (Li et al. 2024): a radiance field that learns nothing under drops."""
+    """DerainNeRF (Li et al. 2024): a radiance field that ignores pixels with detected drops."""
 
     profiles: ClassVar[Mapping[str, Any]] = PROFILES
 

@@ -136,7 +136,7 @@ SHORT_LAYERS = LayerConfig(
 
 
 class DeSplat(GaussianSplatting):
-    """DeSplat (Wang et al. 2025): distractors go to a layer of Gaussians of each view."""
+    """DeSplat (Wang et al. 2025): each view has its own layer of Gaussians for distractors."""
 
     profiles: ClassVar[Mapping[str, Any]] = {
         "demo": DeSplatConfig(PROFILES_WITHOUT_RESETS["demo"], SHORT_LAYERS),

@@ -44,13 +44,13 @@ class MaskNetworkConfig:
     """What the network sees, and how it learns; the defaults are the authors'.
 
     Attributes:
-        features: of the photographs, from vgg, alexnet or dinov2.
-        lower: share of the residuals, in (0, upper), that surely are the scene's.
-        upper: share beyond which they surely are not, in (lower, 1].
-        width: of the hidden layer.
-        octaves: of the positional encoding.
-        rate: Adam's.
-        prior: p before the first step, in (0, 1); None for what random weights give, about 0.5.
+        features: features of the photographs: vgg, alexnet or dinov2.
+        lower: share of the residuals that certainly belong to the scene, in (0, upper).
+        upper: share of the residuals above which they certainly do not, in (lower, 1].
+        width: units of the hidden layer.
+        octaves: octaves of the positional encoding.
+        rate: learning rate of Adam.
+        prior: p before the first step, in (0, 1); None: p of random weights, about 0.5.
     """
 
     features: Literal["vgg", "alexnet", "dinov2"] = "dinov2"

@@ -32,7 +32,7 @@ SHORT_TRIM = TrimConfig(inlier_share=0.9)
 
 
 class RobustFilter(TrimmedMethod):
-    """Splatting on the pixels with the smaller residuals (RobustNeRF's filter)."""
+    """Splatting that ignores pixels with large residuals (RobustNeRF's filter)."""
 
     profiles: ClassVar[Mapping[str, Any]] = {
         "demo": RobustFilterConfig(PROFILES_WITHOUT_RESETS["demo"], SHORT_TRIM),

@@ -5,11 +5,11 @@ learns from the residuals (`residuals.py`). What counts is drawn with its probab
 
 Departures, beside those of these files: the densification is ours, and SSIM counts as in plain splatting, weighed pixel
 by pixel, where the authors' loss is L1 alone. Their reset of the spherical harmonics, in one step, is left out: it cuts
-off positive coefficients alone. Gaussians are pruned by their use on request (`strategies/utilisation.py`).
+off positive coefficients alone.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -20,7 +20,6 @@ from baselines.distractors.trimming import TrimConfig, TrimmedMethod, TrimmedObj
 from baselines.splatting.backends.base import GSPLAT
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.kernels.photometric import Plane
-from baselines.splatting.strategies.utilisation import UtilisationPruning
 from baselines.splatting_profiles import PROFILES_WITHOUT_RESETS
 from baselines.training.checkpoints import below, prefixed
 from baselines.training.devices import chosen_device
@@ -86,7 +85,7 @@ SHORT_NETWORK = MaskNetworkConfig("vgg", rate=5e-3, prior=0.9)
 
 
 class Spotless(TrimmedMethod):
-    """SpotLessSplats (Sabour et al. 2025): a network on frozen features tells what of the photographs counts."""
+    """SpotLessSplats (Sabour et al. 2025): a network on frozen features predicts the pixels to ignore."""
 
     extra: ClassVar[int] = 0  # planes that the network sees beside the features
     profiles: ClassVar[Mapping[str, Any]] = {
@@ -107,17 +106,3 @@ class Spotless(TrimmedMethod):
     def compared_by(self, images: TrainingImages, network: MaskNetwork) -> SpotlessObjective:
         """The objective on given photographs."""
         return SpotlessObjective(images, self.config, network, self.seed)
-
-
-# The authors' threshold, 1e-14, is in their units: of gradients that cancel. A share has none; their models end two to
-# three times smaller.
-LEAST_USED = UtilisationPruning((0.8,), share=0.55)
-
-
-class SpotlessPruned(Spotless):
-    """SpotLessSplats without the Gaussians on whose positions the training views depend least."""
-
-    profiles: ClassVar[Mapping[str, Any]] = {
-        name: replace(config, splatting=replace(config.splatting, pruning=LEAST_USED))
-        for name, config in Spotless.profiles.items()
-    }

@@ -34,10 +34,10 @@ class LayerConfig:
     """A layer's Gaussians; the defaults are the authors' where they are in their units, at depth 1 instead of 0.02.
 
     Attributes:
-        number: of Gaussians that a layer starts with.
-        opacity: of each at the start, (0, 1).
+        number: number of Gaussians of a layer at the start.
+        opacity: opacity of a Gaussian at the start, (0, 1).
         spread: standard deviation at the start, in mean distances to the next one.
-        cover_penalty: factor of the mean opacity A_d in the loss, from 0.
+        cover_penalty: weight of the mean opacity A_d in the loss, at least 0.
         learning_rates: Adam's; positions in units of the depth.
         growth: when and where a layer grows; iterations are visits of its view, lengths are in units of the depth.
     """

@@ -8,13 +8,13 @@ from typing import Literal
 class EncoderConfig:
     """The network that looks at the reference, and when the Gaussians have anything of it."""
 
-    backbone: Literal["resnet18", "small"] = "resnet18"  # of the U-Net that looks at the reference picture
-    weights: str | None = None  # file of ResNet-18 weights; None learns from scratch
-    weights_sha256: str | None = None  # of that file: runs with other weights are other runs
-    shrink: int = 1  # the reference is encoded this many times smaller
-    absent: float = 0.0  # share of the steps in which the Gaussians have nothing of the reference
-    final: float = 0.1  # what the networks' rates have fallen to at the end, as a factor
-    visible_from: float = 2500 / 70_000  # share of the iterations after which the mask weighs the loss; above 1 never
+    backbone: Literal["resnet18", "small"] = "resnet18"  # encoder of the U-Net that reads the reference picture
+    weights: str | None = None  # file of ResNet-18 weights; None: random weights
+    weights_sha256: str | None = None  # SHA-256 of the file of the weights
+    shrink: int = 1  # factor by which the reference is shrunk before encoding
+    absent: float = 0.0  # share of the steps without features of the reference
+    final: float = 0.1  # factor of the networks' learning rates at the end
+    visible_from: float = 2500 / 70_000  # share of the iterations after which the mask weighs the loss; above 1: never
     lpips: float = 0.005  # weight of LPIPS (VGG) in the loss
 
     def __post_init__(self) -> None:
@@ -33,17 +33,17 @@ class ReferenceConfig(EncoderConfig):
     But for `rate_coordinates`: theirs move at 1 in a box that is scaled, ours in one from -1 to 1 from the start.
     """
 
-    maps: int = 2  # K, adaptive feature maps; there is one projection map besides
-    channels: int = 16  # of each map
-    frequencies: int = 10  # of the positions' Fourier features
-    encoder: tuple[int, ...] = (128, 96, 64)  # hidden layers of the fusion network's first half
-    decoder: tuple[int, ...] = (48,)  # of its second half
-    colour: tuple[int, ...] = (48,)  # of the colour network
-    fused: int = 48  # length of the feature between them
-    dropout: float = 0.1  # share of what the Gaussians have of each map that a step leaves out
-    rate_maps: float = 2e-3  # Adam's rate of the U-Net
-    rate_colour: float = 5e-4  # of the fusion and colour networks
-    rate_coordinates: float = 4e-3  # of the coordinates in the maps, whose sides are 2 long
+    maps: int = 2  # number K of adaptive feature maps, beside one projection map
+    channels: int = 16  # channels per map
+    frequencies: int = 10  # number of frequencies of the positions' Fourier features
+    encoder: tuple[int, ...] = (128, 96, 64)  # hidden layers in the first half of the fusion network
+    decoder: tuple[int, ...] = (48,)  # hidden layers in the second half of the fusion network
+    colour: tuple[int, ...] = (48,)  # hidden layers of the colour network
+    fused: int = 48  # length of the feature between both networks
+    dropout: float = 0.1  # share of the Gaussians' features per map that a step drops
+    rate_maps: float = 2e-3  # learning rate of the U-Net
+    rate_colour: float = 5e-4  # learning rate of the fusion and colour networks
+    rate_coordinates: float = 4e-3  # learning rate of the coordinates in the maps, in [-1, 1]
     box: float = 1e-3  # weight of mean(relu(|coordinate| - 1)) in the loss
     visible_price: float = 0.15  # weight of mean((1 - m)^2) in the loss
 

@@ -57,7 +57,7 @@ class GSWConfig:
 
 
 class GaussianInTheWild(GaussianSplatting):
-    """GS-W (Zhang et al. 2024): splatting with colours by view, and what comes and goes left out."""
+    """GS-W (Zhang et al. 2024): splatting with appearance per view and a visibility mask."""
 
     profiles: ClassVar[Mapping[str, Any]] = {
         "demo": GSWConfig(PROFILES_WITH_NETWORKS["demo"], SHORT),

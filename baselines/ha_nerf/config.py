@@ -11,12 +11,12 @@ from baselines.volumetric.masking import PriceConfig
 class LookConfig:
     """The encoder of a photograph's look; the defaults are the authors'."""
 
-    size: int = 48  # numbers of a look
-    channels: tuple[int, ...] = (64, 128, 256, 256, 256)  # of the convolutions; each but the first halves the picture
-    side: int = 128  # pixels; it sees photographs as squares
-    rate: float = 5e-4  # of Adam
-    penalty: float = 1e-5  # of the mean square of the numbers
-    mean_share: float = 0.0  # of a step's rays, which get the mean look instead of their view's
+    size: int = 48  # length of an appearance code
+    channels: tuple[int, ...] = (64, 128, 256, 256, 256)  # of the convolutions; all but the first halve the picture
+    side: int = 128  # side in pixels of the square that photographs are resized to
+    rate: float = 5e-4  # learning rate of Adam
+    penalty: float = 1e-5  # weight of the mean square of the code
+    mean_share: float = 0.0  # share of the rays of a step that use the mean code
 
     def __post_init__(self) -> None:
         if not 0 <= self.mean_share <= 1:
@@ -32,11 +32,11 @@ class LookConfig:
 class VisibilityConfig(PriceConfig):
     """The network of the masks, and what masking costs; the defaults are the authors'."""
 
-    code: int = 128  # numbers of a view's code
-    octaves: int = 10  # of the encoding of places
-    width: int = 256  # units of a layer
+    code: int = 128  # length of a view's code
+    octaves: int = 10  # octaves of the encoding of places
+    width: int = 256  # units per layer
     layers: int = 4
-    rate: float = 5e-4  # of Adam
+    rate: float = 5e-4  # learning rate of Adam
 
 
 @dataclass(frozen=True)
@@ -46,8 +46,8 @@ class HaNerfConfig:
     volumetric: VolumetricConfig = field(default_factory=VolumetricConfig)
     look: LookConfig = field(default_factory=LookConfig)
     visibility: VisibilityConfig = field(default_factory=VisibilityConfig)
-    photographs: int = 1  # a step
-    min_scale: float = 0.5  # smallest side of a step's grid, as a share of the photograph's
+    photographs: int = 1  # photographs per step
+    min_scale: float = 0.5  # smallest side of the grid of rays, as a share of the photograph's side
 
     def __post_init__(self) -> None:
         side_of_grids(self.volumetric.rays, self.photographs, self.min_scale)

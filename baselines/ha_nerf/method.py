@@ -5,7 +5,7 @@ network of a view's code and a place in the picture says what the scene need not
 step sees a grid of rays in one photograph (`volumetric.grids`). Held-out views have the mean look of the training
 views.
 
-Where this deviates, beside what all radiance fields here share (docs/topics/radiance-fields.md), and why:
+Where this deviates, beside what all radiance fields here share (docs/methods/radiance-fields.md), and why:
 
 * Held-out views are not looked at. The authors take the look of the whole held-out photograph.
 * Two losses, that of looks encoded again from what is rendered in another photograph's look, and that of looks that
@@ -41,7 +41,7 @@ from baselines.volumetric.spaces import Space
 
 
 class HaNerf(RadianceMethod):
-    """Ha-NeRF (Chen et al. 2022): a radiance field with looks from the photographs and masks of what comes and goes."""
+    """Ha-NeRF (Chen et al. 2022): a radiance field with appearance from photographs and masks of transient pixels."""
 
     profiles: ClassVar[Mapping[str, Any]] = PROFILES
 

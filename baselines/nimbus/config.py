@@ -14,18 +14,18 @@ class MediumConfig:
 
     Attributes:
         used: whether there is a medium at all.
-        cells: of the grid along each axis, from 2.
+        cells: number of grid cells per axis, at least 2.
         spread: standard deviation of the field at the start.
         clear: optical depth at the start, positive, over the median distance from a camera to a scene point: 0.05 is
             nearly clear air.
         box: side of the grid's box, in extents of the points without their outermost hundredths; positive.
-        samples: on a ray, from 1.
+        samples: number of samples per ray, at least 1.
         ray_shrink: rays are cast through a picture this many times smaller, from 1; the medium is smooth.
         first: share of the iterations after which there is a medium, [0, 1].
-        renewed: iterations after which the depth of a view is rendered anew, from 1.
-        rate: Adam's, of all that the medium has; positive.
-        variation: weight of the grid's total variation, from 0.
-        dark: weight of the scene's dark channel, from 0.
+        renewed: iterations between two renders of a view's depth, at least 1.
+        rate: learning rate of all parameters of the medium, positive.
+        variation: weight of the grid's total variation, at least 0.
+        dark: weight of the scene's dark channel, at least 0.
         patch: side of the dark channel's patches, in longer sides of the picture, in (0, 1]: 15 pixels of 600.
         judged: share of the iterations after which the medium is given up if it takes too little light, [0, 1].
         least: share of the light, mean over all views, that it has to take by then, from 0; 0: it is never given up.
@@ -65,11 +65,11 @@ class ResidualConfig:
 
     Attributes:
         used: whether there are residuals at all.
-        threshold: mean difference over the channels, encoded values, positive, above which a pixel is the residual's.
-        signed: whether darker pixels can be, too.
-        first: share of the iterations that are the scene's alone, [0, 1].
+        threshold: mean difference over the channels above which a pixel becomes a residual; encoded values, positive.
+        signed: whether residuals may also be darker than the scene.
+        first: share of the iterations without residuals, [0, 1].
         every: share of the iterations after which a view's residual is made anew, at its next visit.
-        most: share of all pixels above which a warning says that residuals eat the photographs.
+        most: share of all pixels with residuals above which a warning is logged.
     """
 
     used: bool = True

@@ -38,7 +38,7 @@ SHORT_RESIDUAL = ResidualConfig(threshold=0.07, first=0.75)
 
 
 class Nimbus(GaussianSplatting):
-    """NimbusGS (2026): a medium in space where one is found, and a residual of each view."""
+    """NimbusGS (2026): a medium in space, if the photographs show one, and a residual per view."""
 
     profiles: ClassVar[Mapping[str, Any]] = {
         "demo": NimbusConfig(PROFILES_WITHOUT_RESETS["demo"], SHORT_MEDIUM, SHORT_RESIDUAL),
@@ -62,7 +62,7 @@ class Nimbus(GaussianSplatting):
     def _first_medium(self, scene: Scene, cameras: Sequence[Camera]) -> Medium | None:
         settings: MediumConfig = self.config.medium
         if settings.used and len(cameras) < 2:
-            logger.info("nimbus: no medium, as one view cannot tell it from the scene")
+            logger.info("nimbus: no medium, because one view cannot separate it from the scene")
         if not settings.used or len(cameras) < 2:
             return None
         device = torch.device(chosen_device(self.splatting.device, GSPLAT))

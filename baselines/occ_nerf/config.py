@@ -13,11 +13,11 @@ class OccNerfConfig:
         volumetric: the field of everything, and how both are rendered and trained.
         background: the field of the scene behind; of the same kind as the other.
         gap: between a ray's depths, see `depths`, from which on it sees a foreground.
-        alone: share of the training in which the field of everything and the detector learn alone.
-        background_weight: of the background's squared error.
-        depth_weight: of the difference between the depths of both fields.
+        alone: share of the training in which only the field of everything and the detector are trained.
+        background_weight: weight of the background's squared error.
+        depth_weight: weight of the difference between the depths of both fields.
         early_correlation: weight of the detector's loss while they learn alone.
-        late_correlation: and later.
+        late_correlation: weight of the detector's loss after that.
         detector_rate: learning rate of the detector.
     """
 

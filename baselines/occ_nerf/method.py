@@ -3,7 +3,7 @@
 A field of everything is trained on the photographs. Along its rays a detector compares the depth of what is seen first
 with that of the last surface (`depths.py`, `detector.py`); a second field learns where both agree, and is shown.
 
-Where this deviates from the public code, beside what docs/topics/occ-nerf.md and radiance-fields.md have in tables:
+Where this deviates from the public code, beside the tables of docs/methods/radiance-fields.md:
 
 * Rays are drawn from all views, not 32 x 32 from one photograph: without features of pictures no loss looks at
   neighbours, and a step that sees all views is steadier.
@@ -37,7 +37,7 @@ STRIDE = 13  # of the pixels whose share of foreground is told, over all views
 # As much processor time as `nerf-w` has: a step with two fields costs some 1.4 of its.
 DEMO = VolumetricConfig(field=SHORT_FIELD, iterations=2500)
 QUICK = VolumetricConfig(field=DETAILED_FIELD, iterations=9500)
-# Chosen on courtyard; docs/topics/occ-nerf.md says why none of the three is the public code's.
+# Chosen on courtyard; docs/methods/radiance-fields.md says why none of the three is the public code's.
 SHORT = {"gap": 0.4, "alone": 0.1, "depth_weight": 0.1}
 # The public code's networks. Its 100 epochs of 32 x 32 pixels are some 560,000 steps for 30 photographs of 504 x 378.
 EVERYTHING = MlpFieldConfig(width=128, depth=6, skip=3, rate=3e-4)
@@ -51,7 +51,7 @@ PROFILES = {
 
 
 class OccNerf(RadianceMethod):
-    """Occlusion-free NeRF (Zhu et al. 2023): a field of everything tells what a field of the scene is to learn from."""
+    """Occlusion-free NeRF (Zhu et al. 2023): one field of everything selects the pixels of a background field."""
 
     profiles: ClassVar[Mapping[str, Any]] = PROFILES
 

@@ -36,7 +36,7 @@ def camera_path(cameras: Sequence[Camera], points: Points, n: int) -> list[Camer
         n: cameras along the path; the one after the last would be the first again.
 
     Raises:
-        InputError: there is no telling what the cameras look at.
+        InputError: the point that the cameras look at is unknown.
     """
     eyes = np.array([camera.centre for camera in cameras])
     forwards = np.array([camera.rotation[2] for camera in cameras])
@@ -68,7 +68,7 @@ def nearest_to_axes(eyes: Vectors, forwards: Vectors) -> Vectors:
     mean = across.mean(axis=0)
     if np.linalg.eigvalsh(mean)[0] < LEAST_CONVERGENCE:
         raise InputError(
-            "no telling what the cameras look at",
+            "the point that the cameras look at is unknown",
             found="axes that are all but parallel",
             expected="cameras that look at something from several sides, or a scene with points",
         )
@@ -108,7 +108,9 @@ def _focus_depth(eyes: Vectors, forwards: Vectors, centre: Vectors, forward: Vec
         return float(1 / ((1 - FAR_SHARE) / near + FAR_SHARE / far))
     depth = float((nearest_to_axes(eyes, forwards) - centre) @ forward)
     if depth <= 0:
-        raise InputError("no telling what the cameras look at", found="axes that meet behind them, and no points")
+        raise InputError(
+            "the point that the cameras look at is unknown", found="axes that meet behind them, and no points"
+        )
     return depth
 
 

@@ -2,27 +2,34 @@
 
 import logging
 import math
-from collections.abc import Mapping
+import os
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import cv2
 from tqdm import tqdm
 
 from baselines.method import Method, check_render
 from baselines.rendering.camera_paths import camera_path
+from hydroviews.captures.video.decoding import open_video, video_frames
 from hydroviews.errors import InputError
+from hydroviews.files import ownership
 from hydroviews.files.atomic import replacing
 from hydroviews.files.settings_guard import claim_folder
-from hydroviews.files.temporary import remove_tree
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import read_image, to_uint8, write_png
 from hydroviews.scene.scenes import Scene
 
+if TYPE_CHECKING:  # not every command encodes films
+    import av
+
 logger = logging.getLogger(__name__)
 
-CODECS = {".mp4": "vp09", ".webm": "VP90"}  # VP9, which browsers play and every OpenCV wheel can write
+SUFFIXES = (".mp4", ".webm")
+CODEC = "libvpx-vp9"  # which browsers play and every wheel of PyAV can write
+QUALITY = {"crf": "20", "b": "0", "deadline": "good", "cpu-used": "4"}
 FRAMES, SETTINGS = "-frames", "film.json"
 SIZES = (16, 4096)  # pixels
 MOST_FRAMES = 100_000
@@ -31,11 +38,11 @@ CHECK = "make check says whether the method keeps its contract; train it again"
 
 @dataclass(frozen=True)
 class FilmChoice:
-    """How long, how smooth, how large."""
+    """Length, frame rate and size of a film."""
 
-    seconds: float = 8.0  # once around
-    fps: int = 30
-    size: int = 800  # pixels of the longer side
+    seconds: float = 8.0  # length of the film, once around the path
+    fps: int = 30  # frames per second
+    size: int = 800  # longer side in pixels
 
     def __post_init__(self) -> None:
         if not 1 <= self.fps <= 240:
@@ -81,7 +88,8 @@ def draw_film(
     )
     render_frames(method, path, frames)
     write_film(out, frames, len(path), choice.fps)
-    remove_tree(frames)
+    if left := ownership.remove(frames):
+        logger.warning("%s: not written by HydroViews, and kept: %s", frames, ownership.named(left, frames))
     first, size = path[0], out.stat().st_size / 1e6
     logger.info("%s: %d frames of %dx%d, %.1f MB", out, len(path), first.width, first.height, size)
 
@@ -110,51 +118,87 @@ def render_frames(method: Method, path: list[Camera], folder: Path) -> None:
 
 
 def write_film(out: Path, frames: Path, n: int, fps: int) -> None:
-    """Encode numbered PNGs as VP9.
+    """Encode numbered PNGs as VP9, with the tags of their colours: BT.709, limited range, the transfer of sRGB.
 
     Raises:
-        InputError: another suffix than .mp4 and .webm, an OpenCV without that encoder, or a full disk.
+        InputError: another suffix than .mp4 and .webm, a PyAV without that encoder, or a full disk.
     """
-    height, width = read_image(_frame(frames, 0)).shape[:2]
+    import av
+
+    require_suffix(out)
+    if CODEC not in av.codec.codecs_available:
+        raise InputError(
+            f"{out}: cannot be encoded",
+            found=f"a PyAV {av.__version__} without {CODEC}",
+            expected="the av of constraints.txt",
+            fix=f"make setup, or encode the frames in {frames} with another program",
+        )
     with replacing(out) as temporary:
-        writer = cv2.VideoWriter(str(temporary), cv2.VideoWriter.fourcc(*codec_of(out)), fps, (width, height))
-        if not writer.isOpened():
-            raise InputError(
-                f"{out}: cannot be encoded",
-                found=f"an OpenCV {cv2.__version__} without VP9",
-                expected="the opencv-contrib-python-headless of constraints.txt",
-                fix=f"make setup, or encode the frames in {frames} with another program",
-            )
-        for index in tqdm(range(n), desc="encoding", unit="frame"):
-            writer.write(to_uint8(read_image(_frame(frames, index)))[..., ::-1])
-        writer.release()
+        failure = ""
+        try:
+            _encode(temporary, [_frame(frames, index) for index in range(n)], fps)
+        except av.error.FFmpegError as error:
+            failure = f", {error.strerror}"
         whole = count_frames(temporary)
-        if whole != n:  # OpenCV's writer tells nobody of a full disk
+        if failure or whole != n:
             raise InputError(
                 f"{out}: not written whole",
-                found=f"{whole} of {n} frames",
+                found=f"{whole} of {n} frames{failure}",
                 fix=f"free some space and run the same command again; the frames in {frames} are kept",
             )
 
 
+def _encode(film: Path, pictures: list[Path], fps: int) -> None:
+    import av
+
+    with av.open(os.path.abspath(film), "w") as container:  # it takes "12:30.mp4" for protocol 12
+        stream: Any = container.add_stream(CODEC, rate=fps, options=QUALITY)
+        stream.height, stream.width = read_image(pictures[0]).shape[:2]
+        stream.pix_fmt = "yuv420p"
+        _tag(stream.codec_context)
+        for index, frame in enumerate(_stored(tqdm(pictures, desc="encoding", unit="frame"))):
+            frame.pts, frame.time_base = index, Fraction(1, fps)
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode())
+
+
+def _stored(pictures: Iterable[Path]) -> Iterator["av.VideoFrame"]:
+    """Pictures as BT.709 in limited range, with half of the colour's resolution."""
+    import av
+    from av.video.reformatter import ColorRange, Colorspace
+
+    for path in pictures:
+        frame = av.VideoFrame.from_ndarray(to_uint8(read_image(path)), format="rgb24")
+        stored = frame.reformat(format="yuv420p", dst_colorspace=Colorspace.ITU709, dst_color_range=ColorRange.MPEG)
+        _tag(stored)
+        yield stored
+
+
+def _tag(of_film: Any) -> None:
+    """Enter in a frame or an encoder which colours its numbers stand for."""
+    from av.video.reformatter import ColorPrimaries, ColorRange, Colorspace, ColorTrc
+
+    of_film.colorspace, of_film.color_range = Colorspace.ITU709, ColorRange.MPEG
+    of_film.color_primaries, of_film.color_trc = ColorPrimaries.BT709, ColorTrc.IEC61966_2_1
+
+
 def count_frames(film: Path) -> int:
-    """How many frames of a film can be read."""
-    capture, count = cv2.VideoCapture(str(film)), 0
-    while capture.grab():
-        count += 1
-    capture.release()
-    return count
+    """How many frames of a film can be read; 0 where there is no film."""
+    try:
+        with open_video(film) as video:
+            return sum(1 for _ in video_frames(video))
+    except InputError:
+        return 0
 
 
-def codec_of(out: Path) -> str:
-    """OpenCV's name of the codec for a file.
+def require_suffix(out: Path) -> None:
+    """Refuse other kinds of films.
 
     Raises:
         InputError: another suffix than .mp4 and .webm.
     """
-    if out.suffix.lower() not in CODECS:
-        raise InputError(f"--out {out}: not a kind of film", expected=f"a name that ends in {' or '.join(CODECS)}")
-    return CODECS[out.suffix.lower()]
+    if out.suffix.lower() not in SUFFIXES:
+        raise InputError(f"--out {out}: not a kind of film", expected=f"a name that ends in {' or '.join(SUFFIXES)}")
 
 
 def _frame(folder: Path, index: int) -> Path:

@@ -1,4 +1,4 @@
-"""How to train a splatted scene."""
+"""Settings of the trainer of Gaussians."""
 
 from dataclasses import dataclass, field
 
@@ -10,33 +10,32 @@ from baselines.splatting.strategies.relocation import MCMCStrategy
 
 @dataclass(frozen=True)
 class EarlyStop:
-    """When to stop before all iterations are done: a few training views validate, and nothing is learned from them."""
+    """When to stop early. A few training views are used for validation only."""
 
-    views: int = 3  # that validate, spread evenly over the training views
+    views: int = 3  # number of validation views, spread evenly over the training views
     every: int = 500  # iterations between two validations
-    patience: int = 4  # validations in a row without a smaller loss after which training stops
+    patience: int = 4  # training stops after this many validations without a smaller loss
 
 
 @dataclass(frozen=True)
 class TrainerConfig:
-    """How to train. The default numbers are those of Kerbl et al. 2023; this is what differs from their code.
+    """Settings of a training. Defaults are those of Kerbl et al. 2023. Differences to their code:
 
-    * `near` is a hundredth of the scene's extent; theirs is 0.2 world units, whatever these are.
-    * The extent leaves out cameras that lie far from all others, and comes of the points where cameras stand in one
-      place (`initialisation.scene_extent`).
-    * No Gaussian starts larger than a twentieth of the extent; fewer than 100 scene points are filled up with 10,000
-      random ones (`initialisation.initialise`).
-    * The spherical-harmonic degree rises one step later, and the positions' rate falls from the first step on: steps
-      count from 0, theirs from 1.
-    * Points that coincide start as Gaussians of 1e-7 of the extent; theirs of 3e-4 world units.
-    * A Gaussian at the largest opacity that a pixel takes has no gradient there, as in gsplat.
-    * Whatever `DefaultStrategy` lists.
+    * `near` is a hundredth of the scene's extent; theirs is 0.2 world units.
+    * The extent ignores cameras far from all others. If all cameras stand in one place, points give the extent
+      (`initialisation.scene_extent`).
+    * No Gaussian starts larger than a twentieth of the extent. Fewer than 100 scene points are supplemented by 10,000
+      random points (`initialisation.initialise`).
+    * Steps count from 0, theirs from 1: the spherical-harmonic degree rises one step later, and the learning rate of
+      positions falls from the first step on.
+    * Coinciding points start as Gaussians of 1e-7 of the extent; theirs of 3e-4 world units.
+    * A Gaussian at the largest opacity of a pixel has no gradient there, as in gsplat.
+    * The differences that `DefaultStrategy` lists.
 
-    Lengths and iterations are in the units that each comment names; a training's own images set its resolution.
+    Comments name the units of lengths and iterations. The images of a training set its resolution.
 
     Raises:
-        ValueError: shares of `resolutions` that add up to more than 1, or factors below 1; a share of the budget that
-            is none.
+        ValueError: shares of `resolutions` sum to more than 1, a factor is below 1, or `dense_start` is not in [0, 1].
     """
 
     iterations: int = 30_000
@@ -45,15 +44,15 @@ class TrainerConfig:
     lambda_dssim: float = 0.2  # lambda in (1 - lambda) L1 + lambda (1 - SSIM)
     learning_rates: LearningRates = field(default_factory=LearningRates)
     strategy: DefaultStrategy | MCMCStrategy = field(default_factory=DefaultStrategy)
-    resolutions: tuple[tuple[float, int], ...] = ()  # (share of the iterations, factor by which images are smaller)
+    resolutions: tuple[tuple[float, int], ...] = ()  # pairs: share of the iterations, factor that shrinks images
     early_stop: EarlyStop | None = None
     pruning: Pruning | None = None
-    dense_start: float = 0.0  # share of the strategy's budget to start with, between the points if these are fewer
+    dense_start: float = 0.0  # share of the strategy's budget at the start; new Gaussians lie between the points
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    antialiased: bool = False  # Gaussians smaller than a pixel become fainter as they are widened to it
-    near: float = 0.01  # nothing nearer to a camera is shown; a share of the scene extent
-    device: str = "auto"  # auto, cpu or cuda; $HYDROVIEWS_DEVICE comes first
-    checkpoint_seconds: float = 30.0  # of training between two checkpoints
+    antialiased: bool = False  # Mip-Splatting's 2D filter: tiny Gaussians are widened and become fainter
+    near: float = 0.01  # nearest visible depth, as a share of the scene's extent
+    device: str = "auto"  # auto, cpu or cuda; $HYDROVIEWS_DEVICE takes precedence
+    checkpoint_seconds: float = 30.0  # seconds of training between two checkpoints
 
     def __post_init__(self) -> None:
         shares, factors = [share for share, _ in self.resolutions], [factor for _, factor in self.resolutions]

@@ -19,6 +19,9 @@ INITIAL_OPACITY = 0.1
 NEIGHBOURS = 3
 FEWEST_POINTS = 100  # with fewer scene points, random ones are added
 RANDOM_POINTS = 10_000
+LARGE_CLOUD = 0.6  # of a budget that a cloud of more points is thinned to: the others are left to growth
+CELLS = 1 << 16  # a side, in which points are ordered before a cloud is thinned
+USUAL = (0.001, 0.999)  # quantiles of coordinates between which the cells lie
 BETWEEN = 4  # nearest neighbours between which and a point new ones are put
 MIDDLE = (0.25, 0.75)  # and where on the way
 LARGEST = 0.05  # of the extent: no Gaussian starts larger, however lonely its point
@@ -47,12 +50,15 @@ def scene_extent(cameras: Sequence[Camera], points: NDArray[np.floating]) -> tup
     return middle, radius if radius > 0 else 1.0
 
 
-def initialise(points: Points, cameras: Sequence[Camera], sh_degree: int, seed: int, fewest: int = 0) -> Gaussians:
+def initialise(
+    points: Points, cameras: Sequence[Camera], sh_degree: int, seed: int, fewest: int = 0, budget: int | None = None
+) -> Gaussians:
     """One Gaussian a scene point: round, as large as the distance to its neighbours, its colour the point's.
 
     Points that are not finite or impossibly far away are left out. Where the capture has fewer than 100 others, 10,000
     grey ones are drawn in the cube around the cameras; the log says so, but of a capture without any. Where it has more
-    than that but fewer than `fewest`, others are put between them: see `filled_up`.
+    than that but fewer than `fewest`, others are put between them: see `filled_up`. A cloud of more
+    points than `budget`, if there is one, is thinned to LARGE_CLOUD of the budget, or to `fewest`: see `thinned`.
     """
     positions, colours = np.asarray(points.positions, np.float64), np.asarray(points.colours) / 255.0
     middle, extent = scene_extent(cameras, positions)
@@ -61,13 +67,19 @@ def initialise(points: Points, cameras: Sequence[Camera], sh_degree: int, seed: 
     positions, colours = positions[kept], colours[kept]
     if len(positions) < FEWEST_POINTS:
         if len(points):
-            logger.warning("training: %d points are few: %d random ones are added", len(positions), RANDOM_POINTS)
+            told = "training: %d points are few: %d random ones are added; a capture without its cloud gets another one"
+            logger.warning(told, len(positions), RANDOM_POINTS)
         generator = np.random.default_rng(seed)
         random = middle + extent * generator.uniform(-1, 1, (RANDOM_POINTS, 3))
         positions = np.concatenate([positions, random])
         colours = np.concatenate([colours, np.full((RANDOM_POINTS, 3), 0.5)])
     elif len(positions) < fewest:
         positions, colours = filled_up(positions, colours, fewest, random_stream(seed, Stream.START, 0))
+    if budget is not None and len(positions) > budget:
+        chosen = thinned(positions, max(fewest, round(LARGE_CLOUD * budget)))
+        told = "training: %s points are more than the budget of %s Gaussians: the cloud is thinned evenly to %s"
+        logger.warning(told, f"{len(positions):,}", f"{budget:,}", f"{len(chosen):,}")
+        positions, colours = positions[chosen], colours[chosen]
 
     spread = np.clip(neighbour_distance(positions - origin), 1e-7 * extent, LARGEST * extent)
     n = len(positions)
@@ -83,6 +95,28 @@ def initialise(points: Points, cameras: Sequence[Camera], sh_degree: int, seed: 
         sh=sh,
         origin=origin,
     )
+
+
+def thinned(positions: NDArray[np.float64], number: int) -> NDArray[np.intp]:
+    """Which of the points [N, 3] stay where `number` of them may: the same share everywhere, sorted indices [number].
+
+    The points are ordered along a curve that fills space (Morton 1966), so that neighbours on the curve are neighbours
+    in space. Then the curve is cut into `number` equal parts, and the point in the middle of each part stays.
+    """
+    low, high = np.quantile(positions, USUAL, axis=0)
+    cells = np.clip((positions - low) / np.maximum(high - low, np.finfo(float).tiny), 0, 1) * (CELLS - 1)
+    order = np.argsort(_along_the_curve(cells.astype(np.uint64)), kind="stable")
+    middles = (np.arange(number) + 0.5) * (len(positions) / number)
+    return np.sort(order[middles.astype(int)])
+
+
+def _along_the_curve(cells: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """Places [N] of cells [N, 3] on the curve: the bits of the three numbers take turns."""
+    places = np.zeros(len(cells), np.uint64)
+    for bit in range(CELLS.bit_length() - 1):
+        for axis in range(3):
+            places |= ((cells[:, axis] >> np.uint64(bit)) & np.uint64(1)) << np.uint64(3 * bit + axis)
+    return places
 
 
 def filled_up(

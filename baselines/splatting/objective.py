@@ -1,4 +1,4 @@
-"""What rendered images are compared with: the seam where a method puts its own idea of rain."""
+"""The objective of a training: the part of a splatting method that models rain."""
 
 from collections.abc import Callable, Sequence
 from functools import cache
@@ -32,10 +32,10 @@ class OnGPU(NamedTuple):
 
 
 class Objective:
-    """The photometric loss against the photographs. Methods derive from it to change what is compared, and how.
+    """The photometric loss against the photographs. Subclasses change the compared images or the loss.
 
-    Whatever a derived class learns on the way it returns from `state_dict` and takes back in `load_state_dict`, so that
-    checkpoints hold it.
+    A subclass with learned parameters returns them from `state_dict` and restores them in `load_state_dict`, so that
+    checkpoints hold them.
     """
 
     def __init__(self, images: TrainingImages, lambda_dssim: float = 0.2, appearance: "Appearance | None" = None):
@@ -62,7 +62,7 @@ class Objective:
         return self.appearance is not None
 
     def target(self, view: int, size: Size | None = None) -> Target:
-        """A training view as the loss wants it, at its own size or a smaller one."""
+        """A training view prepared for the loss, at its own size or a smaller one."""
         return prepare_target(self.images.pixels(view, size), self.images.ignored(view, size))
 
     def wants_gaussians(self, view: int, iteration: int) -> bool:
@@ -70,7 +70,7 @@ class Objective:
         return False
 
     def see(self, gaussians: "Gaussians", view: int, iteration: int) -> None:
-        """Look at the Gaussians before a step, where a view's render does not say enough; they are not kept."""
+        """Read the Gaussians before a step, for objectives that need more than the render; do not store them."""
 
     def weights(
         self, render: Callable[[], Image], view: int, size: Size, iteration: int, buffers: BufferPool
@@ -121,24 +121,24 @@ class Objective:
         return photometric_loss(image, self.target(view), self.lambda_dssim, buffers=buffers)[0]
 
     def report(self) -> dict[str, Any]:
-        """What it found in the photographs beside the scene, by name: words, numbers or lists of words, for JSON."""
+        """Findings about the photographs, such as the kinds of rain: words, numbers or lists of words, for JSON."""
         return {}
 
     def hidden(self, view: int, size: Size) -> Plane | None:
-        """See Method; None where it looks for nothing in front of the scene."""
+        """See Method; None if the objective ignores no pixels."""
         return None
 
     def settings(self) -> dict[str, Any]:
-        """The settings; a checkpoint made with others is refused."""
+        """The settings; a checkpoint with other settings is refused."""
         settings = {"name": type(self).__name__, "lambda_dssim": self.lambda_dssim}
         return settings if self.appearance is None else {**settings, "appearance": self.appearance.settings()}
 
     def state_dict(self) -> dict[str, NDArray]:
-        """What has been learned beside the Gaussians."""
+        """Learned parameters other than the Gaussians."""
         learned = {} if self.appearance is None else self.appearance.training_state()
         return prefixed("appearance", learned)
 
     def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
-        """Take back what `state_dict` returned."""
+        """Restore what `state_dict` returned."""
         if self.appearance is not None:
             self.appearance.load_training_state(below("appearance", arrays))

@@ -36,18 +36,18 @@ class Stream(IntEnum):
 
 @dataclass(frozen=True)
 class LearningRates:
-    """Adam's rates, those of Kerbl et al. 2023 by default."""
+    """Learning rates of Adam. Defaults are those of Kerbl et al. 2023."""
 
-    means: float = 1.6e-4  # at the start, in scene extents
-    means_final: float = 1.6e-6  # at the end; exponential in between
-    sh: float = 2.5e-3  # of the degree-0 coefficients
-    sh_rest: float = 2.5e-3 / 20  # of the others
+    means: float = 1.6e-4  # positions at the start, in scene extents
+    means_final: float = 1.6e-6  # positions at the end, in scene extents; exponential in between
+    sh: float = 2.5e-3  # coefficients of degree 0
+    sh_rest: float = 2.5e-3 / 20  # coefficients of higher degrees
     opacity: float = 0.05
     scales: float = 5e-3
     quaternions: float = 1e-3
-    final: float = 1.0  # what all but the means' rates have fallen to at the end, as a factor
-    cooldown: float = 0.0  # the last share of the iterations, in which all rates fall faster
-    cooled: float = 1.0  # what they have fallen to besides at the end, as a factor
+    final: float = 1.0  # factor at the end, for all rates but the means'
+    cooldown: float = 0.0  # share of the iterations at the end in which all rates fall faster
+    cooled: float = 1.0  # further factor at the end of the cooldown
 
 
 def random_stream(seed: int, purpose: Stream, index: int) -> np.random.Generator:

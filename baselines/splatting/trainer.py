@@ -75,8 +75,10 @@ def train(
     place = "cpu" if backend.device == "cpu" else "cuda"  # another card may go on: no two runs on one are equal either
     fingerprint = fingerprint_of(config, seed, scene, objective.images, objective=objective.settings(), device=place)
     validation_views = schedule.validation_views(len(cameras), config.early_stop.views) if config.early_stop else ()
-    fewest = round(config.dense_start * config.strategy.budget)
-    start = with_appearance(initialise(scene.points, cameras, config.sh_degree, seed, fewest), objective.appearance)
+    budget = config.strategy.budget
+    fewest = round(config.dense_start * budget)
+    first = initialise(scene.points, cameras, config.sh_degree, seed, fewest, budget)
+    start = with_appearance(first, objective.appearance)
     trainer = SplattingTrainer(config, seed, cameras, validation_views, extent, backend, objective, start)
     run(trainer, folder / CHECKPOINT, fingerprint, config.checkpoint_seconds)
     state = trainer.state
@@ -208,7 +210,7 @@ class SplattingTrainer:
         self._put(state)
         if config.pruning and config.pruning.due(done - 1, config.iterations):
             left = config.pruning.left(done - 1, config.iterations)
-            self._put(prune(state, config.pruning.use(self.backend, self.cameras), config.pruning, left))
+            self._put(prune(state, self.backend.contributions(self.cameras), config.pruning, left))
         if self._validation_due():
             degree = schedule.sh_degree_at(done - 1, config.sh_degree_interval, config.sh_degree)
             for view in self.validation_views:

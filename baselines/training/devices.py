@@ -12,7 +12,7 @@ DEVICES = ("auto", "cpu", "cuda")
 VARIABLE = "HYDROVIEWS_DEVICE"
 NO_DEVICE = "torch finds no CUDA device"
 COMPILED = {"gsplat": "gsplat.csrc"}  # packages that compile at first use, where they came without this module
-FIX = "docs/topics/gpu.md says which driver, CUDA toolkit and packages it needs; or use cpu"
+FIX = "docs/install.md lists the driver, CUDA toolkit and packages that a GPU needs; or use cpu"
 
 
 def chosen_device(device: str, *packages: str) -> str:

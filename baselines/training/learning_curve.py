@@ -1,4 +1,4 @@
-"""The course of a training: means of its losses, a hundred times in all, as a table beside the checkpoint."""
+"""The learning curve of a training: mean losses in about a hundred rows, as a table beside the checkpoint."""
 
 import csv
 import io

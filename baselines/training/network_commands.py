@@ -9,9 +9,12 @@ from torch import Tensor
 
 from baselines.training.checkpoints import CHECKPOINT
 from baselines.training.loop import resume
-from baselines.training.supervised_training import SupervisedTraining
+from baselines.training.supervised_training import CURVE, SupervisedTraining
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import listing
+from hydroviews.files.ownership import require_ours
+
+WEIGHTS = "weights.safetensors"  # of a training, with its data card beside it
 
 
 def use_threads(count: int) -> None:
@@ -24,6 +27,18 @@ def use_threads(count: int) -> None:
         raise InputError(f"--threads {count}: impossible", expected="0 or more")
     if count:
         torch.set_num_threads(count)
+
+
+def require_own_files(folder: Path) -> None:
+    """Refuse a folder for a new training in which somebody else's files have the names of checkpoint, curve or weights.
+
+    A checkpoint says itself whether it is of this training.
+
+    Raises:
+        InputError: there are such files.
+    """
+    if not (folder / CHECKPOINT).exists():
+        require_ours([folder / CURVE, folder / WEIGHTS, (folder / WEIGHTS).with_suffix(".json")])
 
 
 def in_words(photographs: Sequence[Path], folder: Path) -> str:

@@ -55,9 +55,9 @@ class Batches(Protocol):
 
 @dataclass(frozen=True)
 class Intervals:
-    """What the trained weights do not depend on."""
+    """Intervals of checkpoints and validations; they do not change the weights."""
 
-    checkpoint_seconds: float = 30.0  # between two checkpoints while training; 0: one after every step
+    checkpoint_seconds: float = 30.0  # seconds between two checkpoints; 0: one after every step
     validate_every: int = 500  # steps between two validations
 
     def __post_init__(self) -> None:

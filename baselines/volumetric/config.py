@@ -10,12 +10,12 @@ class HashFieldConfig:
     """A hash grid under tiny networks (Mueller et al. 2022), with a density-only grid that proposes where to sample."""
 
     grid: GridConfig = field(default_factory=GridConfig)
-    hidden: int = 64  # units of a layer
-    features: int = 15  # handed from density to colour
+    hidden: int = 64  # units per layer
+    features: int = 15  # number of features from the density to the colour network
     colour_layers: int = 2  # hidden layers of the colour network
     proposal_grid: GridConfig = field(default_factory=lambda: GridConfig(5, 14, 16, 256))
     proposal_hidden: int = 16
-    rate: float = 1e-2  # of Adam
+    rate: float = 1e-2  # learning rate of Adam
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class MlpFieldConfig:
 
     width: int = 256
     depth: int = 8
-    skip: int = 4  # after this many layers the encoded position comes in again
+    skip: int = 4  # number of layers after which the encoded position is added again
     position_octaves: int = 10
     direction_octaves: int = 4
     rate: float = 5e-4
@@ -35,21 +35,21 @@ class VolumetricConfig:
     """Rendering and training of one field."""
 
     iterations: int = 5000
-    rays: int = 1024  # a step
+    rays: int = 1024  # rays per step
     field: HashFieldConfig | MlpFieldConfig = field(default_factory=HashFieldConfig)
-    space: str = "auto"  # contracted, ndc, or auto: ndc where all cameras look the same way
-    proposal_samples: int = 48  # a ray, of the proposal network
-    samples: int = 24  # a ray, of the field, where the proposal's weights are
-    background: tuple[float, float, float] | None = None  # None: the last interval reaches to infinity
-    final_rate: float = 0.03  # of the learning rate, reached exponentially
-    warm_up: int = 100  # iterations over which the rate rises
-    anneal: int = 500  # iterations over which proposals sharpen (Mip-NeRF 360, equation 18)
-    proposal_always: int = 500  # iterations in which the proposal network learns at every step
-    proposal_every: int = 4  # and after which it learns at every so many steps
+    space: str = "auto"  # contracted, ndc, or auto: ndc if all cameras look the same way
+    proposal_samples: int = 48  # samples per ray of the proposal network
+    samples: int = 24  # samples per ray of the field, drawn from the proposal's weights
+    background: tuple[float, float, float] | None = None  # None: the last interval is infinite
+    final_rate: float = 0.03  # factor of the learning rate at the end; exponential in between
+    warm_up: int = 100  # iterations in which the learning rate rises
+    anneal: int = 500  # iterations in which proposals sharpen (Mip-NeRF 360, equation 18)
+    proposal_always: int = 500  # iterations in which every step trains the proposal network
+    proposal_every: int = 4  # steps between two trainings of the proposal network after that
     interlevel: float = 1.0  # weight of the loss of the proposal network (Mip-NeRF 360, equation 13)
     distortion: float = 0.0  # weight of the loss against scattered density
-    device: str = "auto"  # auto, cpu or cuda; $HYDROVIEWS_DEVICE comes first
-    checkpoint_seconds: float = 30.0  # of training between two checkpoints
+    device: str = "auto"  # auto, cpu or cuda; $HYDROVIEWS_DEVICE takes precedence
+    checkpoint_seconds: float = 30.0  # seconds of training between two checkpoints
 
 
 # Short trainings want large steps: on a made-up scene 250 iterations reach 18 dB at a rate of 0.01, 24 at 0.03.

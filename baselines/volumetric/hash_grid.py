@@ -19,8 +19,8 @@ class GridConfig:
     """Sizes of a hash grid."""
 
     levels: int = 8
-    log2_entries: int = 16  # of every level's table
-    coarsest: int = 16  # cells along an axis
+    log2_entries: int = 16  # log2 of the number of entries per level
+    coarsest: int = 16  # cells along an axis at the coarsest level
     finest: int = 1024
 
     def resolutions(self) -> list[int]:

@@ -27,12 +27,12 @@ MOST, AFTER = 0.6, 2  # share of the pixels masked, and visits of each view, fro
 class PriceConfig:
     """Where masks start, and what masking costs; the defaults are those of Ha-NeRF's authors."""
 
-    at_first: float = 0.5  # m before the first step, everywhere
-    price: float = 6e-3  # lambda_s: of the mean of m^2 in the loss
+    at_first: float = 0.5  # value of m before the first step
+    price: float = 6e-3  # lambda_s: weight of the mean of m^2 in the loss
     price_at_first: float = 5e-2
     price_fall: float = 0.75  # exponential rate a visit of each view at which the price falls to `price`
-    relative: bool = False  # whether prices are multiples of the typical squared error of late
-    typical: str = "median"  # or mean: which error of a step is the typical one
+    relative: bool = False  # whether weights are multiples of the recent typical squared error
+    typical: str = "median"  # typical error of a step: median or mean
 
     def __post_init__(self) -> None:
         if not 0 < self.at_first < 1:

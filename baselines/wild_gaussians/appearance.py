@@ -35,12 +35,12 @@ MIDDLE = 0.5  # the constant of colours that are spherical harmonics
 class AppearanceConfig:
     """The network and Adam's rates; the defaults are the authors'."""
 
-    width: int = 128  # of both hidden layers
-    scale: float = 0.01  # on what the network gives
-    rate: float = 5e-4  # of the network
-    view_rate: float = 1e-3  # of the views' embeddings
-    gaussian_rate: float = 5e-3  # of the Gaussians' embeddings
-    final: float = 1.0  # what all rates have fallen to at the end, as a factor
+    width: int = 128  # units of both hidden layers
+    scale: float = 0.01  # factor on the output of the network
+    rate: float = 5e-4  # learning rate of the network
+    view_rate: float = 1e-3  # learning rate of the views' embeddings
+    gaussian_rate: float = 5e-3  # learning rate of the Gaussians' embeddings
+    final: float = 1.0  # factor of all learning rates at the end
 
 
 class WildAppearance(Appearance):

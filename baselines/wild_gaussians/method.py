@@ -53,7 +53,7 @@ class WildConfig:
     splatting: TrainerConfig
     appearance: AppearanceConfig | None = field(default_factory=AppearanceConfig)
     uncertainty: UncertaintyConfig | None = field(default_factory=UncertaintyConfig)
-    sky: int = 0  # points spread over the sky's sphere; those that a view may see become Gaussians
+    sky: int = 0  # number of points on the sky's sphere; points within a view become Gaussians
 
 
 def short(plain: TrainerConfig) -> WildConfig:
@@ -61,7 +61,7 @@ def short(plain: TrainerConfig) -> WildConfig:
 
     The uncertainty has a thousandth of the lessons it has in the paper. It starts where pixels just count, since where
     it starts is where most of it still is after a few hundred. And its floor is there too: the loss grows with d / u^2,
-    so that with u down to 0.1 few positions decide how far Adam goes in all. docs/topics/wild-gaussians.md has figures.
+    so that with u down to 0.1 few positions decide how far Adam goes in all. docs/methods/splatting.md has figures.
     """
     lesson, start, warm_up = (round(share * plain.iterations) for share in (0.13, 0.4, 0.1))
     return WildConfig(

@@ -42,17 +42,17 @@ CHANNELS = 16  # of which all pictures' features are gathered at once
 class UncertaintyConfig:
     """Settings; the defaults are the authors'. Iterations count from 0."""
 
-    features: Network = "dinov2"  # what is seen of pictures: dinov2, as in the paper, or alexnet
-    start: int = 10_000  # all pixels count before
-    warm_up: int = 1800  # iterations over which the weights turn from 1 to those predicted
-    protected: int = 500  # iterations after a reset of the opacities in which nothing is learned from the renders
-    first_lesson: int = 0  # nothing is learned before
-    every: int = 1  # iterations from one lesson to the next
+    features: Network = "dinov2"  # features of the pictures: dinov2, as in the paper, or alexnet
+    start: int = 10_000  # iteration before which all pixels count
+    warm_up: int = 1800  # iterations in which the weights change from 1 to the predicted ones
+    protected: int = 500  # iterations after an opacity reset without training of the uncertainty
+    first_lesson: int = 0  # iteration of the first training of the uncertainty
+    every: int = 1  # iterations between two trainings of the uncertainty
     regulariser: float = 0.5  # lambda
-    rate: float = 1e-3  # Adam's
-    dropout: float = 0.5  # share of the features that a lesson leaves out
-    prior: float = 1.0  # u before the first lesson
-    least: float = 0.1  # u is never smaller; pixels count where it is below 0.71
+    rate: float = 1e-3  # learning rate of Adam
+    dropout: float = 0.5  # share of the features that a training drops
+    prior: float = 1.0  # u before the first training
+    least: float = 0.1  # smallest u; pixels with u below 0.71 count
 
 
 class Uncertainty:

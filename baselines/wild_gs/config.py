@@ -15,24 +15,24 @@ class LookConfig(EncoderConfig):
 
     visible_from: float = 0.05
     lpips: float = 0.0
-    code: int = 16  # length of the global code, and of the local one
-    intrinsic: int = 32  # of what a Gaussian has of its own
-    hidden: int = 32  # of every network of codes and colours
-    rest: float = 0.05  # factor on what the networks say of all coefficients but the first
-    side: int = 128  # pixels of each of the six pictures, and of the triplane
-    widths: tuple[int, int, int] = (8, 16, 32)  # channels of the triplane's U-Net at 1, 1/2 and 1/4 of that
-    channels: int = 16  # of the triplane
-    box: float = 1.0  # the triplane reaches over this share of the extent of nearly all Gaussians, along each axis
-    lifted: int = 256  # pixels of the longer side of the picture that is lifted
-    renewed: int = 500  # steps after which the depth of a view is rendered anew
-    local_from: float = 1 / 15  # share of the iterations after which there is a local look
-    least_visible: float = 0.5  # Th: what is lifted has more visibility than this
+    code: int = 16  # length of the global code and of the local code
+    intrinsic: int = 32  # length of a Gaussian's intrinsic code
+    hidden: int = 32  # units of the networks of codes and colours
+    rest: float = 0.05  # factor on the networks' output for all coefficients but the first
+    side: int = 128  # side in pixels of the six pictures and of the triplane
+    widths: tuple[int, int, int] = (8, 16, 32)  # channels of the triplane's U-Net at 1, 1/2 and 1/4 of that side
+    channels: int = 16  # channels of the triplane
+    box: float = 1.0  # share of the extent of nearly all Gaussians that the triplane covers, per axis
+    lifted: int = 256  # longer side in pixels of the lifted picture
+    renewed: int = 500  # steps of a view between two renders of its depth
+    local_from: float = 1 / 15  # share of the iterations after which local codes are used
+    least_visible: float = 0.5  # threshold Th: only pixels with more visibility are lifted
     price_first: float = 0.4  # weight of mean((1 - m)^2) in the loss in the first step
-    price_last: float = 0.1  # in the last; linear in between
-    rate_encoder: float = 5e-4  # Adam's rate of the encoder
-    rate_planes: float = 5e-4  # of the triplane's U-Net
-    rate_colour: float = 5e-4  # of the networks of codes and colours
-    rate_intrinsic: float = 2.5e-3  # of what the Gaussians have of their own
+    price_last: float = 0.1  # weight of mean((1 - m)^2) in the last step; linear in between
+    rate_encoder: float = 5e-4  # learning rate of the encoder
+    rate_planes: float = 5e-4  # learning rate of the triplane's U-Net
+    rate_colour: float = 5e-4  # learning rate of the networks of codes and colours
+    rate_intrinsic: float = 2.5e-3  # learning rate of the intrinsic codes
 
     def __post_init__(self) -> None:
         super().__post_init__()

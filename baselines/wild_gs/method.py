@@ -47,9 +47,9 @@ class WildGSConfig:
 
 
 class WildGS(GaussianSplatting):
-    """Wild-GS (Xu et al. 2024): splatting with global and local looks, and what comes and goes left out.
+    """Wild-GS (Xu et al. 2024): splatting with global and local appearance and a visibility mask.
 
-    The trained model has the mean look: ordinary Gaussians.
+    The trained model has the mean appearance: ordinary Gaussians.
     """
 
     profiles: ClassVar[Mapping[str, Any]] = {

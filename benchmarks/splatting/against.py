@@ -1,7 +1,7 @@
 """A step of training here against the same step in another checkout, in turns on one machine.
 
-    python -m benchmarks.splatting.against --other CHECKOUT
-    python -m benchmarks.splatting.against --other CHECKOUT --simd avx2 --threads 1 2
+    python -m benchmarks against --other CHECKOUT
+    python -m benchmarks against --other CHECKOUT --simd avx2 --threads 1 2
 
 Wall-clock times want an idle machine; the ratio is between medians of steps that alternate.
 """
@@ -17,8 +17,7 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from hydroviews.cli.commands import run_command
-from hydroviews.files.atomic import write_bytes
+from benchmarks.tables import report
 
 HERE = Path(__file__).parents[2]
 CASES = ((30_000, 320, 240), (30_000, 400, 300), (60_000, 400, 300), (200_000, 800, 600))
@@ -58,9 +57,7 @@ def main(
             "case": name, "threads": count, "simd": kind or "best", "there, ms": theirs[1], "here, ms": ours[1],
             "times faster": theirs[1] / ours[1], "of processor time": theirs[0] / ours[0],
         })  # fmt: skip
-    table = pd.DataFrame(rows)
-    print(table.to_string(index=False, float_format="{:.2f}".format))
-    write_bytes(folder / "splatting-against.csv", table.to_csv(index=False).encode())
+    report(pd.DataFrame(rows), folder / "splatting-against.csv")
 
 
 def alternate(
@@ -99,7 +96,3 @@ def one_step(server: subprocess.Popen) -> tuple[float, float]:
     cpu, wall = map(float, server.stdout.readline().split())
     server.send_signal(signal.SIGSTOP)
     return cpu, wall
-
-
-if __name__ == "__main__":
-    run_command(main, prog="benchmarks.splatting.against")

@@ -19,6 +19,7 @@ from baselines.splatting.gaussians import FIELDS, Gaussians
 from baselines.splatting.kernels import constants, rasterizer
 from baselines.splatting.kernels.simd import SIMD
 from benchmarks.splatting.scenes import room, view
+from benchmarks.tables import rows_of
 
 CAMERA = view(96, 72)
 GAUSSIANS = 1500
@@ -40,7 +41,7 @@ Gradients = dict[str, NDArray]
 
 def precision() -> pd.DataFrame:
     """The kernels against float64 with the same cut-offs, for all degrees of view dependence."""
-    return pd.DataFrame([_precision(degree) for degree in tqdm(range(4), desc="precision", leave=False)])
+    return rows_of(_precision, [(degree,) for degree in range(4)], "precision")
 
 
 def _precision(degree: int) -> dict[str, Any]:

@@ -8,7 +8,6 @@ from typing import Any
 import numba
 import numpy as np
 import pandas as pd
-from tqdm import tqdm
 
 from baselines.splatting import objective
 from baselines.splatting.backends import base as backends
@@ -21,6 +20,7 @@ from baselines.splatting.state import fresh_state
 from baselines.splatting.strategies.base import StepOptions
 from baselines.splatting.strategies.densification import DefaultStrategy
 from benchmarks.splatting.scenes import picture, room, view
+from benchmarks.tables import rows_of
 
 COUNTS = (10_000, 30_000, 50_000, 200_000)
 SIZES = ((400, 300), (800, 600))
@@ -47,7 +47,7 @@ STILL = LearningRates(means=1e-12, means_final=1e-12, sh=0, sh_rest=0, opacity=0
 def speeds(repeats: int) -> pd.DataFrame:
     """Milliseconds of a step for all counts, sizes and numbers of threads."""
     cases = [(n, size, threads) for threads in thread_counts() for size in SIZES for n in COUNTS]
-    return pd.DataFrame([speed(*case, repeats) for case in tqdm(cases, desc="speed", leave=False)])
+    return rows_of(speed, [(*case, repeats) for case in cases], "speed")
 
 
 def growth(repeats: int) -> pd.DataFrame:
@@ -55,13 +55,13 @@ def growth(repeats: int) -> pd.DataFrame:
     cases: list[tuple[int, tuple[int, int]]] = [(n, SIZES[0]) for n in GROWING_COUNTS]
     cases += [(30_000, size) for size in GROWING_SIZES if size != SIZES[0]]
     turns = [(n, size, threads) for threads in thread_counts() for n, size in cases]
-    return pd.DataFrame([speed(*turn, repeats) for turn in tqdm(turns, desc="growth", leave=False)])
+    return rows_of(speed, [(*turn, repeats) for turn in turns], "growth")
 
 
 def colours(repeats: int) -> pd.DataFrame:
     """Milliseconds of rasterizing sets of colours and their gradients, at once and one by one, by threads."""
     cases = [(n, number, threads) for threads in thread_counts() for n in COLOURED for number in SETS]
-    return pd.DataFrame([of_colours(*case, repeats) for case in tqdm(cases, desc="colours", leave=False)])
+    return rows_of(of_colours, [(*case, repeats) for case in cases], "colours")
 
 
 def of_colours(n: int, number: int, threads: int, repeats: int) -> dict[str, Any]:

@@ -1,5 +1,10 @@
 """python -m deraings.enhancement train | export | average | validate | enhance | describe."""
 
+from hydroviews.cli.starting import begin
+
+if __name__ == "__main__":
+    begin()
+
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -11,7 +16,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from baselines.training.devices import chosen_device
-from baselines.training.network_commands import load_trained, rounded, use_threads
+from baselines.training.network_commands import WEIGHTS, load_trained, require_own_files, rounded, use_threads
 from baselines.training.supervised_training import Intervals, network_fingerprint
 from baselines.training.validation import as_json
 from deraings.enhancement.before_after import before_and_after, on_sheet
@@ -50,16 +55,17 @@ class TrainingRequest:
     data: tyro.conf.OmitArgPrefixes[Data]
     training: tyro.conf.OmitArgPrefixes[TrainingConfig] = field(default_factory=TrainingConfig)
     intervals: tyro.conf.OmitArgPrefixes[Intervals] = field(default_factory=Intervals)
-    out: Path = Path("results/enhancement/small")  # gets checkpoint, curve, weights and data card
-    threads: int = 0  # 0: as many as there are cores
-    device: str = "auto"  # where the network learns: auto, cpu or cuda
-    workers: int | None = None  # processes that draw pairs ahead; not given: none, or for a GPU one per other core
-    validated: int = 0  # held-out photographs that the weights are validated on in the end, 0 for all
+    out: Path = Path("results/enhancement/small")  # folder of checkpoint, curve, weights and data card
+    threads: int = 0  # 0: one per core
+    device: str = "auto"  # device of the training: auto, cpu or cuda
+    workers: int | None = None  # processes that draw pairs ahead. Default: none on a CPU; on a GPU one per other core
+    validated: int = 0  # held-out photographs of the last validation, 0 for all
 
 
 def train_command(request: tyro.conf.OmitArgPrefixes[TrainingRequest]) -> None:
-    """Train a network, write its weights and data card; the same command goes on where an earlier one stopped."""
+    """Train a network, write its weights and data card; an interrupted command resumes when repeated."""
     use_threads(request.threads)
+    require_own_files(request.out)
     data, config = request.data, request.training
     start = started_from(data, config)
     words = described(data, start)
@@ -83,7 +89,7 @@ def drawing_workers(device: str) -> int:
 
 
 def export_command(request: tyro.conf.OmitArgPrefixes[TrainingRequest]) -> None:
-    """Write weights and data card of a training as far as it is; settings as for `train`."""
+    """Write weights and data card of an unfinished training; settings as for `train`."""
     use_threads(request.threads)
     training = EnhancementTraining(request.training)
     words = described(request.data, started_from(request.data, request.training))
@@ -109,7 +115,7 @@ def write_weights(request: TrainingRequest, training: EnhancementTraining, data:
         "held out": [file.name for file in held_out],
         "validation": {f"{count} companions": _scores_alone(row) for count, row in rows.items()},
     }
-    save_with_card(request.out / "weights.safetensors", training.averaged, card)
+    save_with_card(request.out / WEIGHTS, training.averaged, card)
     for count, row in rows.items():
         print(f"\n{count} companions\n\n{table(row)}")
 
@@ -172,22 +178,23 @@ def validate_command(
     side: int = LONG_SIDE,
     plot: Path | None = None,
 ) -> None:
-    """Print what weights see of rain on held-out photographs, and what they gain: see `validation`.
+    """Print the errors of weights on held-out photographs in drawn rain: covers, mist and PSNR; see `validation`.
 
     Args:
-        photographs: the folders that were trained on; the held-out ones are validated on.
-        weights: shipped ones, or a file.
-        cache: keeps what Blender bakes.
-        pictures: how many photographs of each folder, 0 for all.
-        companions: how many other photographs of the lens the network is given, a table for each.
-        patterns: rain to judge by besides the usual kinds, such as storm-1 for medium storms.
-        families: rain of the training's recipes to judge by, alone: pane, lines, mixed.
-        side: long side of the pictures, in pixels.
-        plot: an .svg to draw predicted against true errors into, by kind of rain, with the most companions.
+        photographs: the folders of the training; their held-out photographs are used.
+        weights: name of shipped weights, or a file.
+        cache: folder for baked lenses.
+        pictures: number of photographs per folder, 0 for all.
+        companions: numbers of other photographs of the lens, with one table for each.
+        patterns: further rain, such as storm-1 for medium storms.
+        families: further rain from the training's recipes: pane, lines, mixed.
+        side: longer side of the pictures in pixels.
+        plot: an .svg file for predicted against true errors, by kind of rain, with the most companions.
 
     Raises:
-        InputError: no such pattern or family, or an unreadable photograph.
+        InputError: no such pattern or family, an unreadable photograph, or a plot of somebody else's.
     """
+    require_ours([plot] if plot else [])
     judges = [*PATTERNS, *map(parse_pattern, patterns)]
     enhancer = load_enhancer(weights)
     print(enhancer.reason)
@@ -211,15 +218,15 @@ def enhance_command(
     apart: bool = False,
     sheet: Path | None = None,
 ) -> None:
-    """Enhance a picture, or all of a folder, and write PNG, upright as Exif says and with the alpha that it has.
+    """Remove rain from a picture or from all pictures of a folder, and write PNG files.
 
     Args:
-        pictures: file, or folder of what one camera has taken; its pictures are looked at together.
+        pictures: a file, or a folder of pictures from one camera, which are enhanced together.
         out: another folder.
-        weights: shipped ones, or a file.
-        keep_fog: leave mist and fog as they are: pictures alone do not tell mist on the lens from fog.
-        apart: pictures of a folder have nothing to do with each other; look at each alone.
-        sheet: also draw some of them before and after, evenly spread in order of name, into this PNG.
+        weights: name of shipped weights, or a file.
+        keep_fog: leave mist and fog: a single picture cannot separate mist on the lens from fog.
+        apart: enhance each picture of the folder alone.
+        sheet: a PNG file for some pictures before and after, evenly spread in order of name.
 
     Raises:
         InputError: a picture that cannot be read, a sheet that is no PNG or lies among the enhanced pictures, or a file
@@ -248,12 +255,12 @@ def enhance_command(
 
 
 def describe_command(network: Literal["paper", "small"] = "small", width: int = 400, height: int = 300) -> None:
-    """Print parameters and multiply-adds of a network for pictures of a size.
+    """Print the number of parameters and multiply-adds of a network for an image size.
 
     Args:
-        network: which.
-        width: of a picture in pixels.
-        height: of a picture in pixels.
+        network: name of the network.
+        width: image width in pixels.
+        height: image height in pixels.
     """
     print(describe(CONFIGS[network], width, height))
 

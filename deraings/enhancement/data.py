@@ -23,16 +23,16 @@ ADDABLE = ("cover", "error", "lens_fine", "lens_mist")  # parts that weights to 
 
 @dataclass(frozen=True)
 class Data:
-    """What to learn from."""
+    """Training data."""
 
-    photographs: tuple[Path, ...]  # folders of clean photographs; every tenth by name is held out of each
-    pairs: tuple[Path, ...] = ()  # folders of published pairs, each as often as the photographs
-    start: str = ""  # weights to begin with, shipped ones or a file; none: begin with chance
-    sides: tuple[int, ...] = LONG_SIDES  # pixels; photographs are brought to any of these long sides
-    lenses: int = LENSES  # wet lenses baked for landscape and for portrait of every long side
-    windows: int = WINDOWS  # window panes baked for the same
-    without: tuple[str, ...] = ()  # families of rain that are not drawn, by the names in hydroviews.pairs.drawing.KINDS
-    cache: Path = Path("results/enhancement/rain")  # keeps what Blender bakes
+    photographs: tuple[Path, ...]  # folders of clean photographs; every tenth by name is held out
+    pairs: tuple[Path, ...] = ()  # folders of published pairs; each is drawn as often as the photographs
+    start: str = ""  # weights to start from: a shipped name or a file. Default: random weights
+    sides: tuple[int, ...] = LONG_SIDES  # longer sides in pixels; each photograph is resized to one of them
+    lenses: int = LENSES  # wet lenses baked per long side, for landscape and for portrait
+    windows: int = WINDOWS  # window panes baked per long side, for landscape and for portrait
+    without: tuple[str, ...] = ()  # families of rain to leave out, such as pane or lines
+    cache: Path = Path("results/enhancement/rain")  # folder for baked lenses
 
     def __post_init__(self) -> None:
         if not self.sides or min(self.lenses, self.windows) < 1:

@@ -1,4 +1,4 @@
-"""Enhance a picture with a trained network: any size, in overlapping tiles where it is large."""
+"""Remove rain from a picture of any size with a trained network; large pictures are processed in overlapping tiles."""
 
 from collections.abc import Callable, Sequence
 from functools import cache
@@ -28,22 +28,22 @@ def enhance(
     remove_mist: bool = True,
     lens: Lens | None = None,
 ) -> Image:
-    """Take the rain out of a picture, as far as the network can.
+    """Remove rain from a picture.
 
     Args:
         image: float32 [H, W, 3], sRGB-encoded, [0, 1], of any size.
-        enhancer: the network; the shipped one if there is none.
-        tile: pixels along a tile's side, at most.
-        overlap: pixels, less than a tile.
-        remove_mist: take mist off the whole picture first, if the network looks for it. It cannot tell mist on the
-            lens from fog in the scene.
-        lens: what is known of its lens from all photographs of it; see `lenses_of_capture`.
+        enhancer: the network; None for the shipped one.
+        tile: largest side of a tile in pixels.
+        overlap: overlap of neighbouring tiles in pixels, less than `tile`.
+        remove_mist: remove mist from the whole picture first, if the network has that part. The network cannot separate
+            mist on the lens from fog in the scene.
+        lens: statistics of the lens over all its photographs; see `lenses_of_capture`.
 
     Returns:
-        The same shape and range. It is calculated where the network is.
+        An image of the same shape and range, computed on the network's device.
 
     Raises:
-        ValueError: not [H, W, 3], or with values that are not finite.
+        ValueError: the shape is not [H, W, 3], or values are not finite.
         InputError: the shipped weights cannot be read.
     """
     network = (enhancer or shipped()).network
@@ -51,15 +51,15 @@ def enhance(
 
 
 class Enhanced(NamedTuple):
-    """A picture without its rain, as far as the network can, and what else the network predicts."""
+    """The predictions of the network for one picture."""
 
     picture: Image  # [H, W, 3], sRGB-encoded, [0, 1]
-    cover: Image | None  # what of each pixel streaks, drops and mist block [H, W, 3], [0, 1]; None: not predicted
-    error: Plane | None  # mean absolute error of the picture that is to be expected [H, W]; None: not predicted
+    cover: Image | None  # cover by streaks, drops and mist [H, W, 3], [0, 1]; None: not predicted
+    error: Plane | None  # expected mean absolute error of `picture` [H, W]; None: not predicted
 
 
 def predict(image: Image, enhancer: Enhancer, remove_mist: bool = True, lens: Lens | None = None) -> Enhanced:
-    """`enhance` with all else that the network predicts; arguments and errors as there."""
+    """`enhance`, with all other predictions of the network; the same arguments and errors."""
     network = enhancer.network
 
     def together(batch: Tensor, fine: Tensor | None) -> Tensor:

@@ -320,7 +320,7 @@ class EnhancementNetwork(nn.Module):
         return self.error(features).float().exp() if self.config.error else None
 
     def features(self, image: Tensor, fine: Tensor | None = None, first_cover: Tensor | None = None) -> Tensor:
-        """What the decoder ends with, [N, width, H / stem, W / stem]; no gradient goes back to `first_cover`."""
+        """The last features of the decoder, [N, width, H / stem, W / stem]; no gradient goes back to `first_cover`."""
         x = self.stem(image.contiguous(memory_format=torch.channels_last))
         if first_cover is not None:
             x = x + self.covered(torch.sigmoid(first_cover.detach()).contiguous(memory_format=torch.channels_last))

@@ -218,7 +218,7 @@ class EnhancedViews:
             paths = _of_all(self.file, count, "enhancing")
             if not (clear and self.drops_stay):
                 return paths
-            logger.info("drops stay on the lens: between them, pixels are learned as the photographs show them")
+            logger.info("drops stay on the lens: between drops, the scene is trained on the photographs")
             return _of_all(self._clear, count, "clear pixels")
 
     def _clear(self, index: int) -> Path:

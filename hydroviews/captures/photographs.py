@@ -71,7 +71,7 @@ def require_registrable(images: Path, out: Path) -> None:
         renamed = [str(path) for name, path in link_names(images, sources).items() if path != images / name]
         if renamed:
             raise InputError(
-                f"{out}: links without blanks and folders in their names would lie among the photographs",
+                f"{out}: the capture would write links with other names among your photographs",
                 found=some(renamed),
                 fix="choose another --out",
             )

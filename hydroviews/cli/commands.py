@@ -17,8 +17,17 @@ from hydroviews.files.malloc import keep_freed_memory
 HELP = "With any command, anywhere: --verbose shows times, modules and details, --quiet warnings only."
 
 
-def run_command(commands: Mapping[str, Callable[..., Any]] | Callable[..., Any], prog: str) -> None:
+def run_command(
+    commands: Mapping[str, Callable[..., Any]] | Callable[..., Any],
+    prog: str,
+    groups: Mapping[str, Iterable[str]] | None = None,
+) -> None:
     """Run the named subcommand, or the one command there is, with messages shown as asked for.
+
+    Args:
+        commands: by name.
+        prog: the program's name, for its help.
+        groups: names of commands by what they are for, for the help.
 
     Exits 2 on bad input and where a file may not be opened, 130 on Ctrl-C, 141 when nobody reads its output, 143 on
     SIGTERM, 129 when its terminal is closed.
@@ -35,7 +44,8 @@ def run_command(commands: Mapping[str, Callable[..., Any]] | Callable[..., Any],
         if callable(commands):
             tyro.cli(commands, prog=prog, args=arguments)
         else:
-            tyro.extras.subcommand_cli_from_dict(dict(commands), prog=prog, description=HELP, args=arguments)
+            text = "\n\n".join([*(f"To {what}: {', '.join(names)}." for what, names in (groups or {}).items()), HELP])
+            tyro.extras.subcommand_cli_from_dict(dict(commands), prog=prog, description=text, args=arguments)
     except InputError as error:
         _refuse(error)
     except PermissionError as error:

@@ -170,7 +170,7 @@ def _take_licence(scene: Scene, folder: Path, entry: Mapping[str, Any]) -> None:
     """Keep the licence that a capture has stated since its scene was finished."""
     keep_licence(scene, folder)
     write_card(folder, [CAPTURED] if scene.captured_rainy else entry["patterns"], entry.get("notes", []))
-    kept = [f"{LICENCE}/{file.name}" for file in (folder / LICENCE).iterdir()]
+    kept = [f"{LICENCE}/{file.name}" for file in (folder / LICENCE).glob("[!.]*")]
     record_files(folder.parent, folder.name, [CARD, *kept])
     logger.info("%s: the licence that the capture states now is kept", folder)
 

@@ -11,7 +11,7 @@ from tqdm import tqdm
 
 from hydroviews.cli.threads import side_by_side
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import is_there, read_json, write_json
+from hydroviews.files.atomic import edit_bytes, is_there, json_bytes, read_json
 from hydroviews.files.known_bytes import current_sha256, read_only, require_bytes
 from hydroviews.files.locks import locked
 from hydroviews.files.ownership import is_claimed, left_by_others
@@ -177,7 +177,7 @@ def _changed(data: Path) -> Iterator[dict[str, Any]]:
     with locked(data / MANIFEST):
         manifest = read_manifest(data)
         yield manifest
-        write_json(data / MANIFEST, manifest)
+        edit_bytes(data / MANIFEST, json_bytes(manifest))
 
 
 def data_hash(data: Path, scene: str, pattern: str) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 from hydroviews.dataset.drawing_code import VERSION, drawing_code
 from hydroviews.dataset.manifest import forget_scene, read_manifest
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import read_json, sha256
+from hydroviews.files.atomic import is_there, read_json, sha256
 from hydroviews.files.settings_guard import claim_folder
 from hydroviews.rain.patterns import PATTERN_FILE
 from hydroviews.rain.registry import find_effect, parse_pattern
@@ -62,7 +62,7 @@ def take_folder(out: Path, folder: Path, request: BuildRequest, overwrite: bool)
         InputError: another request's scene is there, or files that no build wrote.
     """
     path = folder / REQUEST
-    earlier = read_json(path) if path.is_file() and not overwrite else {}
+    earlier = read_json(path) if not overwrite and is_there(path) else {}
     earlier = earlier if isinstance(earlier, dict) else {}
     unknown = set(vars(request)) - set(earlier) if earlier else set()
     mended = _only_capture_differs(earlier, request) and folder.name not in read_manifest(out)["scenes"]

@@ -21,7 +21,7 @@ from hydroviews.dataset.manifest import MANIFEST
 from hydroviews.dataset.request import REQUEST
 from hydroviews.dataset.sharing.fetched import find_fetched
 from hydroviews.errors import InputError, unknown_name
-from hydroviews.files.atomic import read_json
+from hydroviews.files.atomic import is_there, read_json
 from hydroviews.files.locks import BUSY, locked
 from hydroviews.files.temporary import remove_leftovers
 from hydroviews.formats.paired_pictures import find_pictures
@@ -203,7 +203,7 @@ def _built_request(folder: Path, overwrite: bool) -> dict[str, Any]:
     """What a scene that is already there was asked to be; empty where none is, or one to overwrite that is damaged."""
     path = folder / REQUEST
     try:
-        request = read_json(path, fix="add --overwrite to build the scene anew") if path.is_file() else {}
+        request = read_json(path, fix="add --overwrite to build the scene anew") if is_there(path) else {}
     except InputError:
         if not overwrite:
             raise

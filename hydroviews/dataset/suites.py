@@ -10,6 +10,7 @@ from typing import Any
 from hydroviews.captures import catalogue
 from hydroviews.dataset.sources import build_source
 from hydroviews.errors import InputError, unknown_name
+from hydroviews.files.atomic import is_there
 from hydroviews.profiles import Profile
 from hydroviews.rain.registry import choose_patterns, find_effect
 
@@ -53,7 +54,7 @@ def read_suite(name: str) -> Suite:
         InputError: neither a name nor a file, or not a suite.
     """
     path = FOLDER / f"{name}.toml" if name in known_suites() else Path(name)
-    if not path.is_file():
+    if not is_there(path):
         raise unknown_name(f"SUITE={name}", name, "suite", known_suites(), f"a TOML file: {EXAMPLE}")
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8-sig"))

@@ -16,6 +16,14 @@ from hydroviews.files.temporary import temporary_beside
 
 
 @contextmanager
+def _put_in_place(path: Path) -> Iterator[Path]:
+    """A temporary path beside `path`, renamed to `path` when the block ends without an exception."""
+    with plain_write_errors(path), temporary_beside(path) as temporary:
+        yield temporary
+        os.replace(temporary, path)
+
+
+@contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """A temporary path beside `path`, renamed to `path` when the block ends without an exception.
 
@@ -26,15 +34,20 @@ def replacing(path: Path) -> Iterator[Path]:
         InputError: the disk is full.
         ReadOnly: nothing may be written there.
     """
-    with plain_write_errors(path), temporary_beside(path) as temporary:
+    with _put_in_place(path) as temporary:
         yield temporary
         ownership.enter(path, temporary)
-        os.replace(temporary, path)
 
 
 def write_bytes(path: Path, content: bytes) -> None:
     """Write a file; an interruption leaves the old one."""
     with replacing(path) as temporary:
+        temporary.write_bytes(content)
+
+
+def edit_bytes(path: Path, content: bytes) -> None:
+    """Write a file that was read before and whose other content is kept, whoever wrote the file."""
+    with _put_in_place(path) as temporary:
         temporary.write_bytes(content)
 
 

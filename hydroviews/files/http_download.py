@@ -23,6 +23,7 @@ from tqdm import tqdm
 
 import hydroviews
 from hydroviews.errors import InputError
+from hydroviews.files import ownership
 from hydroviews.files.atomic import read_json, write_json
 from hydroviews.files.full_disk import plain_write_errors
 
@@ -105,6 +106,7 @@ def _fetch_from(url: str, target: Path, sha256: str | None, refuse: Callable[[Pa
             part.unlink()
             record.unlink(missing_ok=True)
             raise Refused(wrong)
+        ownership.enter(target, part)
         os.replace(part, target)
         record.unlink(missing_ok=True)
     return found
@@ -172,7 +174,7 @@ def _connect_once(url: str, target: Path, joinable: bool) -> None:
                 raise ConnectionEnded("the file changed on the server")
             _refuse_if_too_large(target, total, start)
             if not start:
-                _part(target).unlink(missing_ok=True)  # before it is recorded as a part of this file
+                _give_way(_part(target), known)  # before it is recorded as a part of this file
             write_json(_record_path(target), asdict(PartialDownload(shown, total, _tag(response))))
             _receive(response, target, start, total)
     except urllib.error.HTTPError as error:
@@ -183,6 +185,13 @@ def _connect_once(url: str, target: Path, joinable: bool) -> None:
         raise (ConnectionEnded(answer) if error.code in RETRIED else Refused(answer)) from None
     except NETWORK as error:
         raise ConnectionEnded(_failure(error)) from None
+
+
+def _give_way(part: Path, known: PartialDownload | None) -> None:
+    """Remove a part that nothing can be appended to; without a record it is another program's, and is set aside."""
+    if known is None and part.exists():
+        ownership.set_aside(part)
+    part.unlink(missing_ok=True)
 
 
 def _failure(error: Exception) -> str:

@@ -1,22 +1,24 @@
 """Which files are ours: the one place that decides what a command may overwrite or remove.
 
 A folder that a command has claimed holds the hidden list FOLDER, with a line for every file that was written below it.
-Loose outputs, such as single pictures, are listed in FILES beside them. What stands in no list is somebody else's, and
-stays. Names alone are compared, so that lists outlive copies and moves of their folders.
+All other outputs, such as single pictures, are listed in FILES beside them. A file that stands in no list is somebody
+else's: nothing removes such a file, and a result of the same name sets it aside. Names alone are compared, so that
+lists outlive copies and moves of their folders.
 """
 
+import filecmp
 import json
 import logging
 import os
 from collections.abc import Collection, Iterable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from functools import lru_cache, partial
 from itertools import count
 from pathlib import Path, PurePosixPath
 
 from hydroviews.errors import InputError
 from hydroviews.files.locks import LOCK
-from hydroviews.files.temporary import PARTIAL
+from hydroviews.files.temporary import PARTIAL, UNFINISHED
 
 logger = logging.getLogger(__name__)
 
@@ -28,7 +30,26 @@ SHOWN = 5  # names in a message
 def claim(folder: Path) -> None:
     """Begin the list of a folder in which nobody else has files; whatever is written below is entered from now on."""
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / FOLDER).touch()
+    if not (folder / FOLDER).is_file():
+        (folder / FOLDER).touch()
+
+
+def claim_new(folder: Path) -> None:
+    """Begin the list of a folder of our own, unless the folder has a list.
+
+    Raises:
+        InputError: there are files in the folder and no list.
+    """
+    if is_claimed(folder):
+        return
+    if others := left_by_others(folder):
+        raise InputError(
+            f"{folder}: holds other files",
+            found=named(others, folder),
+            expected="a new or empty folder, or one with the list of what HydroViews wrote",
+            fix="choose another --out, or move the files to another place",
+        )
+    claim(folder)
 
 
 def is_claimed(folder: Path) -> bool:
@@ -58,32 +79,71 @@ def enter(path: Path, written: Path | None = None) -> None:
     """Enter a file or folder in its list, just before it is put under its name; a file of somebody else's is set aside.
 
     Args:
-        path: where it goes; nothing happens in a folder that no command has claimed.
+        path: where it goes; where no list is in reach, FILES is begun beside it.
         written: where it is so far; a folder's files are entered one by one.
     """
-    own = _list_of(path)
+    own = _list_of(path) or _begun_beside(path)
     if own is None:
         return
-    if path.is_file() or path.is_symlink():
-        if is_ours(path):
+    if os.path.lexists(path) and not _is_folder(written or path):
+        if _has_content_of(path, written) or (is_ours(path) and not _is_folder(path)):
             return
-        _set_aside(path)
+        set_aside(path)
     written = Path(os.path.abspath(written or path))
     inside = [path / file.relative_to(written) for file in _files_below(written)] if _is_folder(written) else [path]
     _append(own, [_within(own, one) for one in inside])
 
 
-def _set_aside(path: Path) -> None:
-    """Give a file of somebody else's another name; to refuse it would end what may have taken hours."""
+def _begun_beside(path: Path) -> Path | None:
+    """FILES beside a file; none in a folder of ours that has no name yet, or where nothing may be written."""
+    if any(part.startswith((PARTIAL, UNFINISHED)) for part in Path(os.path.abspath(path)).parts[:-1]):
+        return None
+    try:
+        (path.parent / FILES).touch()
+    except OSError:  # writing the file itself raises what the user can mend
+        return None
+    return path.parent / FILES
+
+
+def _has_content_of(path: Path, written: Path | None) -> bool:
+    """True for a file, not a link, with the bytes of the file that is to replace it."""
+    if written is None or path.is_symlink() or not (path.is_file() and written.is_file()):
+        return False
+    return filecmp.cmp(path, written, shallow=False)
+
+
+def set_aside(path: Path) -> Path:
+    """Give a file or folder of somebody else's another name, which is returned.
+
+    To refuse what is in the way would end what may have taken hours.
+    """
     names = (path.with_name(f"{path.name}.kept{number or ''}") for number in count())
     free = next(name for name in names if not os.path.lexists(name))
     os.replace(path, free)
     logger.warning("%s: not written by HydroViews, and in the way: it is now called %s", path, free.name)
+    return free
 
 
 def _append(own: Path, names: Iterable[str]) -> None:
     with suppress(PermissionError), own.open("a") as lines:  # in a folder of another user's nothing can be entered
         lines.writelines(f"{json.dumps(name)}\n" for name in names)
+
+
+@contextmanager
+def adopting(folder: Path) -> Iterator[None]:
+    """Enter what a method or program that keeps no list writes into a folder of ours while the block lasts."""
+    before = set(_not_ours(folder, ()))
+    try:
+        yield
+    finally:
+        adopt([path for path in _not_ours(folder, ()) if path not in before], folder)
+
+
+def adopt(files: Iterable[Path], folder: Path) -> None:
+    """Enter files that are there and known to be ours in the list of their folder, if the folder has one."""
+    own = _list_of(folder / FOLDER)
+    if own is not None:
+        _append(own, [_within(own, path) for path in files])
 
 
 def is_ours(path: Path) -> bool:
@@ -163,20 +223,14 @@ def clear(path: Path, known: Collection[Path] = ()) -> None:
 
 
 def require_ours(paths: Iterable[Path]) -> None:
-    """Take files and folders as outputs that lie anywhere: they are entered in lists beside them when they are written.
+    """Refuse files and folders of somebody else's that have the names of outputs, before anything is calculated.
 
     Raises:
         InputError: something of somebody else's has such a name.
     """
-    paths = list(paths)
     foreign = [path for path in paths if os.path.lexists(path) and not is_ours(path)]
     if foreign:
         raise foreign_files(foreign)
-    for folder in {path.parent for path in paths}:
-        if not is_claimed(folder):
-            folder.mkdir(parents=True, exist_ok=True)
-            with suppress(PermissionError):
-                (folder / FILES).touch()
 
 
 def foreign_files(paths: Collection[Path]) -> InputError:

@@ -11,7 +11,7 @@ from typing import Any
 
 from hydroviews.errors import InputError
 from hydroviews.files import ownership
-from hydroviews.files.atomic import read_json, write_json
+from hydroviews.files.atomic import is_there, read_json, write_json
 from hydroviews.files.temporary import remove_leftovers
 
 logger = logging.getLogger(__name__)
@@ -50,7 +50,7 @@ def claim_folder(
     """
     folder = path.parent
     remove_leftovers(folder)
-    if not path.is_file():
+    if not is_there(path):
         _refuse_foreign(folder, foreign, path.name)
         if not ownership.is_claimed(folder):
             ownership.claim(folder)

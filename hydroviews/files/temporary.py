@@ -17,6 +17,7 @@ from pathlib import Path
 from hydroviews.files.locks import LOCK, lock_path, locked_if_free
 
 PARTIAL = ".partial-"
+UNFINISHED = ".unpacked-"  # of a folder that an interrupted call resumes
 
 
 @contextmanager

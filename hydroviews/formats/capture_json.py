@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import read_json
+from hydroviews.files.atomic import is_there, read_json
 
 FILE = "capture.json"
 CAPTURED = "captured-0"  # the variant that rain fell on when it was photographed
@@ -29,7 +29,7 @@ def read_capture_json(folder: Path) -> dict[str, Any]:
         InputError: it is not a JSON object.
     """
     path = folder / FILE
-    if not path.is_file():
+    if not is_there(path):
         return {}
     content = read_json(path)
     if not isinstance(content, dict):

@@ -22,7 +22,7 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import read_json
+from hydroviews.files.atomic import is_there, read_json
 from hydroviews.formats.nerfstudio import CAMERA_FILE
 from hydroviews.formats.photographs import FOLDERS, NUMBERED, SPLIT, composed_stem, not_read, photographs_below, some
 
@@ -120,7 +120,7 @@ def _by_prefix(folder: Path, photographs: Files, parts: Mapping[str, re.Match[st
 
 def _by_number(path: Path, folder: Path, photographs: Files, numbers: Mapping[str, Sequence[int]]) -> Pictures:
     cameras = path.with_name(CAMERA_FILE)
-    if cameras.is_file():
+    if is_there(cameras):
         frames = read_json(cameras).get("frames", [])
         names = sorted(_key(PurePosixPath(str(frame.get("file_path", ""))).name) for frame in frames)
     else:
@@ -142,7 +142,7 @@ def _by_number(path: Path, folder: Path, photographs: Files, numbers: Mapping[st
 def _numbered_split(folder: Path) -> dict[str, list[int]] | None:
     """The content of a `split.json` that numbers photographs; None where there is none."""
     path = folder / SPLIT
-    content = read_json(path) if path.is_file() else None
+    content = read_json(path) if is_there(path) else None
     if not isinstance(content, dict) or not set(NUMBERED) <= set(content):
         return None
     lists = [content[kind] for kind in NUMBERED]

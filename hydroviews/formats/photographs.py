@@ -43,7 +43,7 @@ def image_folder(folder: Path, given: str | None = None) -> Path:
             return folder / name
     raise InputError(
         f"{folder}: no photographs beside the cameras",
-        found=not_read(folder) or ", ".join(sorted(p.name for p in folder.iterdir())) or "an empty folder",
+        found=not_read(folder) or ", ".join(sorted(p.name for p in folder.glob("[!.]*"))) or "an empty folder",
         expected=f"a folder {given or ', '.join(FOLDERS)} with {', '.join(SUFFIXES)} files",
     )
 

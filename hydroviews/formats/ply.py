@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from plyfile import PlyData, PlyParseError
 
 from hydroviews.errors import InputError
+from hydroviews.files.atomic import as_file
 from hydroviews.scene.checks import check_colours, usable
 from hydroviews.scene.scenes import Points
 
@@ -27,10 +28,11 @@ def read_ply(path: Path) -> Points:
         InputError: missing, not a point cloud, or against the rules of `scene.checks`.
     """
     try:
-        vertices = PlyData.read(path)["vertex"].data
-        positions = _columns(vertices, "x", "y", "z").astype(np.float64)
+        vertices = PlyData.read(as_file(path))["vertex"].data
+        found = _by_lower_case(vertices)
+        positions = _columns(vertices, *(found[axis] for axis in "xyz")).astype(np.float64)
         colours = _colours(path, vertices)
-    except (FileNotFoundError, IsADirectoryError):
+    except FileNotFoundError:
         raise InputError(f"{path}: no such file", fix="copy it back, or remove ply_file_path") from None
     except (PlyParseError, ValueError, KeyError) as error:
         raise InputError(f"{path}: not a point cloud", found=error, fix="copy it again") from error
@@ -40,8 +42,7 @@ def read_ply(path: Path) -> Points:
 
 def _colours(path: Path, vertices: NDArray[Any]) -> NDArray[Any]:
     """Colours [N, 3] from 0 to 255 by one of the usual names; grey, with a warning, where there are none."""
-    columns = vertices.dtype.names or ()
-    found = {name.lower(): name for name in columns}
+    found = _by_lower_case(vertices)
     for names in COLOURS:
         if all(name in found for name in names):
             return _columns(vertices, *(found[name] for name in names))
@@ -50,9 +51,14 @@ def _colours(path: Path, vertices: NDArray[Any]) -> NDArray[Any]:
         return np.asarray((255 * np.clip(encoded, 0, 1)).round())
     logger.warning(
         "%s: no colours, so that its points are grey; found %s, expected red, green, blue",
-        path, ", ".join(columns),
+        path, ", ".join(found.values()),
     )  # fmt: skip
     return np.full((len(vertices), 3), GREY)
+
+
+def _by_lower_case(vertices: NDArray[Any]) -> dict[str, str]:
+    """The names of the vertices' fields by the names in small letters."""
+    return {name.lower(): name for name in vertices.dtype.names or ()}
 
 
 def _columns(vertices: NDArray[Any], *names: str) -> NDArray[Any]:

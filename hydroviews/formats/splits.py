@@ -17,6 +17,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from hydroviews.errors import InputError
+from hydroviews.files.atomic import as_file, is_there
 from hydroviews.formats.nerfstudio import CAMERA_FILE, part_files, part_names
 from hydroviews.formats.photographs import below_first, composed_stem, read_split
 from hydroviews.scene.scenes import Scene, Split, View, make_scene
@@ -58,7 +59,7 @@ def _stated(folder: Path) -> tuple[str, Mapping[str, Sequence[str]]]:
     if parts:
         return ", ".join(path.name for path in part_files(folder).values()) or CAMERA_FILE, parts
     lists = {part: folder / LISTS.format(part) for part in ("train", "test")}
-    if all(path.is_file() for path in lists.values()):
+    if all(is_there(path) for path in lists.values()):
         return ", ".join(path.name for path in lists.values()), {part: _lines(path) for part, path in lists.items()}
     tables = sorted(path for path in folder.glob("*.tsv") if not path.name.startswith("."))
     if len(tables) == 1 and (table := _table(tables[0])):
@@ -81,7 +82,7 @@ def _table(path: Path) -> dict[str, list[str]]:
 
 def _text(path: Path) -> str:
     try:
-        return path.read_text("utf-8-sig")
+        return as_file(path).read_text("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: not UTF-8", found=error, fix="save the file as UTF-8, or remove it") from None
 

@@ -25,7 +25,7 @@ from hydroviews.scene.images import Image
 
 # Shares of pairs by family of rain: the data set's own `window`, `raindrop` and `streak`; `pane` and `lines` of other
 # recipes, and `mixed` of both; and no rain.
-KINDS = {"window": 0.1, "raindrop": 0.17, "streak": 0.13, "pane": 0.24, "lines": 0.14, "mixed": 0.12, "clean": 0.1}
+KINDS = {"window": 0.12, "raindrop": 0.17, "streak": 0.11, "pane": 0.28, "lines": 0.12, "mixed": 0.1, "clean": 0.1}
 PARTS = {"mixed": ("pane", "lines")}  # families that a kind of rain is made of
 DROPS_ALONE, MIST_ALONE = 0.2, 0.15  # shares of the panes with drops or mist alone, for each to be learned apart
 BRIGHTER = 0.4  # share of the streaks brighter than the recipe's 0.8, as heavy grades have them

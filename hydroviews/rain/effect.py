@@ -1,9 +1,9 @@
-"""The contract that every effect meets: all that building, checking and describing a data set asks of a kind of rain.
+"""The contract of an effect: everything that building, verifying and describing a data set needs of a kind of rain.
 
-    drawn = effect.draw(pattern, statistics)              a pattern's parameters, from its seed
-    rain = effect.place(drawn, pattern, statistics)       the same on one scene
-    ready = rain.prepare(camera, folder)                  for views of a size and focal length
-    layers = fall(ready, clean, view)                     what is added to one view
+    drawn = effect.draw(pattern, statistics)              the parameters of a pattern, from its seed
+    rain = effect.place(drawn, pattern, statistics)       the pattern on one scene
+    ready = rain.prepare(camera, folder)                  prepared for an image size and focal length
+    layers = fall(ready, clean, view)                     the layers of one view
     rainy = effect.composite(rain.parameters, clean, layers)
 
 A new effect is a class in a file, registered as an entry point of the group `hydroviews.effects` or named in full as
@@ -27,14 +27,14 @@ from hydroviews.scene.scenes import View
 
 
 class PreparedRain(Protocol):
-    """Rain ready to fall on views of one size and focal length."""
+    """Rain that is prepared for views of one size and focal length."""
 
     def layers(self, clean: Image, view: View) -> Layers:
-        """What falls on a view: the planes of its effect, [H, W].
+        """The layers of a view: float32 planes [H, W] by channel name.
 
         Args:
             clean: [H, W, 3], sRGB-encoded, [0, 1].
-            view: one of the scene's.
+            view: a view of the scene.
         """
         ...
 
@@ -44,16 +44,16 @@ class Rain(Protocol):
 
     @property
     def parameters(self) -> Mapping[str, Any]:
-        """Everything drawn, as JSON; the same for all cameras."""
+        """All drawn parameters, as JSON; the same for all cameras."""
         ...
 
     def prepare(self, camera: Camera, folder: Path) -> PreparedRain:
-        """Make ready for a camera's size and intrinsics; what takes long is kept in `folder`."""
+        """Prepare for a camera's size and intrinsics; slow results are stored in `folder`."""
         ...
 
 
 class Effect(ABC):
-    """A kind of rain. It is made without arguments and keeps no state."""
+    """A kind of rain. Effects are created without arguments and have no state."""
 
     planes: ClassVar[Mapping[str, LayerPlane]]  # of its layer files, by channel name
     needs_optics: ClassVar[bool] = False  # whether rain is prepared for every size and focal length of a capture
@@ -63,14 +63,14 @@ class Effect(ABC):
 
     @abstractmethod
     def draw(self, pattern: Pattern, statistics: SceneStatistics) -> Any:
-        """The parameters of a pattern as a dataclass, as hard on this scene as its grade says.
+        """Draw the parameters of a pattern as a dataclass, so that the loss on this scene fits the grade.
 
-        All chance comes from `patterns.pattern_generator(pattern, statistics)`.
+        Draw all random numbers from `patterns.pattern_generator(pattern, statistics)`.
         """
 
     @abstractmethod
     def place(self, drawn: Any, pattern: Pattern, statistics: SceneStatistics) -> Rain:
-        """What was drawn, on the scene.
+        """Place the drawn rain on the scene.
 
         Raises:
             InputError: the scene lacks what this rain needs, such as a scale.
@@ -78,12 +78,12 @@ class Effect(ABC):
 
     @abstractmethod
     def composite(self, parameters: Mapping[str, Any], clean: Image, layers: Layers) -> Image:
-        """The rainy view [H, W, 3], sRGB-encoded, [0, 1]; nothing else than its arguments may decide it."""
+        """The rainy view [H, W, 3], sRGB-encoded, [0, 1]; it depends on the arguments only."""
 
     def covers(self, layers: Layers) -> dict[str, NDArray[np.float32]]:
-        """What water, mist and streaks each cover of a view, [H, W] by the share that its planes count for.
+        """The cover of a view by water, mist and streaks, [H, W] each.
 
-        Of several planes of one share it is their union; planes that are not among `layers` do not count.
+        Several planes of one kind are united. Planes that `layers` lacks do not count.
         """
         covers: dict[str, NDArray[np.float32]] = {}
         for key, plane in self.planes.items():
@@ -95,7 +95,7 @@ class Effect(ABC):
         return covers
 
     def describe(self, parameters: Mapping[str, Any]) -> str:
-        """The main parameters as a phrase for data cards; empty where nothing is to be said."""
+        """The main parameters as a phrase for data cards; may be empty."""
         return ", ".join(form.format(parameters[name]) for name, form in self.words.items() if name in parameters)
 
     def seed_density(self, parameters: Mapping[str, Any], layers: Layers) -> float | None:
@@ -106,6 +106,6 @@ class Effect(ABC):
 def fall(rain: PreparedRain, clean: Image, view: View) -> Layers:
     """The layers of a view as their file holds them, rounded to half floats.
 
-    What a rainy view is made of is then what is on disk, from which it can be derived again.
+    The rainy view is computed from these rounded layers, so it can be computed again from the file.
     """
     return {name: plane.astype(np.float16).astype(np.float32) for name, plane in rain.layers(clean, view).items()}

@@ -123,7 +123,7 @@ def _tiff_faults(path: Path) -> list[str]:
 
 
 def _jpeg_faults(path: Path, written: IO[bytes]) -> list[str]:
-    """What libjpeg writes of damage while a JPEG is decoded, into the file that is standard error.
+    """The warnings of damage that libjpeg writes to standard error while a JPEG is decoded.
 
     One with padding before a marker is decoded without it: zeros that stand for lost data are missed then, padding is
     not.
@@ -136,7 +136,7 @@ def _jpeg_faults(path: Path, written: IO[bytes]) -> list[str]:
 
 
 def _decoded(content: bytes, written: IO[bytes]) -> list[str]:
-    """What libjpeg writes of a picture."""
+    """The warnings that libjpeg writes of a picture."""
     written.truncate(0)
     written.seek(0)
     cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_REDUCED_GRAYSCALE_8)

@@ -22,7 +22,7 @@ FAULTS = ("", "a code that is not in the table", "fewer pixels than it has", "mo
 
 
 def tiff_fault(path: Path) -> str:
-    """What is wrong with the pixels of a TIFF; "" where nothing shows, or it is of a kind that is not looked into."""
+    """The fault in the pixels of a TIFF; "" where none shows, or where the kind of TIFF is not examined."""
     content, fault = path.read_bytes(), ""
     try:
         with PIL.Image.open(io.BytesIO(content)) as picture:

@@ -21,6 +21,7 @@ from tqdm import tqdm
 from baselines.training.devices import VARIABLE, missing_for_cuda
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
+from hydroviews.files.ownership import require_ours
 from hydroviews.profiles import find_profile
 from leaderboard.contract.trials import CHECKS, Outcome, Result
 from leaderboard.records import printable
@@ -46,12 +47,13 @@ def check(
         minutes: that a check may take.
 
     Raises:
-        InputError: no such method or profile, or no steps or time.
+        InputError: no such method or profile, no steps or time, or a file of somebody else's has the report's name.
     """
     if steps < 1:
         raise InputError(f"--steps {steps}: too few", expected="1 or more")
     if not minutes > 0:
         raise InputError(f"--minutes {minutes:g}: too few", expected="more than 0")
+    require_ours([report] if report else [])
     with on_the_cpu():
         outcomes = run_checks(method, find_profile(profile).name, steps, minutes)
     counts = Counter(outcome.result for outcome in outcomes)

@@ -87,7 +87,7 @@ def rendering(case: Case) -> str:
 
 
 def saving(case: Case) -> str:
-    """What is saved is loaded with the same pixels, and is in nobody's way; an empty folder is refused."""
+    """A saved model loads with the same pixels and is in nobody's way; an empty folder is refused."""
     folder = case.folder / "trained"
     case.trained.save(folder)
     if left := in_the_way(folder):

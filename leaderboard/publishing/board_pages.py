@@ -7,12 +7,12 @@ import pandas as pd
 
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import write_bytes
-from hydroviews.files.temporary import remove_tree
+from hydroviews.files import ownership
+from hydroviews.files.atomic import edit_bytes, write_bytes
 from hydroviews.metrics import Metric, find_metrics
 from leaderboard.gather import collect_views, run_folders, write_leaderboard
 from leaderboard.publishing.board_tables import filled
-from leaderboard.publishing.publish import PUBLISHED, publish
+from leaderboard.publishing.publish import publish
 from leaderboard.site.write import write_site
 from leaderboard.tables.comparison import compare, in_words
 from leaderboard.tables.dataframes import suite_blocks
@@ -26,15 +26,15 @@ def write_board(board: Path, out: Path, pages: Sequence[Path] = ()) -> Path:
 
     Args:
         board: published runs; nothing is written there.
-        out: the folder; runs that are no longer on the board go.
+        out: a new folder, or one that this function wrote; runs that are no longer on the board go.
         pages: Markdown files whose tables are filled from the runs.
 
     Returns:
         The pages' index.
 
     Raises:
-        InputError: no runs, or some that are partial or cannot be trusted; `out` is the board itself or holds runs of
-            its own; a page cannot be read (then nothing is written); or a table is not as it has to be.
+        InputError: no runs, or some that are partial or cannot be trusted; `out` is the board itself or holds other
+            files; a page cannot be read (then nothing is written); or a table is not as it has to be.
     """
     texts = {page: _read_page(page) for page in pages}
     _copy_runs(board, out)
@@ -43,7 +43,7 @@ def write_board(board: Path, out: Path, pages: Sequence[Path] = ()) -> Path:
     write_bytes(out / COMPARISONS, comparisons_text(table, views).encode())
     index = write_site(table, out, data=out)  # without renders, no picture is looked for
     for page, text in {page: filled(text, table, views) for page, text in texts.items()}.items():
-        write_bytes(page, text.encode())
+        edit_bytes(page, text.encode())
     return index
 
 
@@ -63,13 +63,10 @@ def _copy_runs(board: Path, out: Path) -> None:
     names = {folder.relative_to(board) for folder in run_folders(board)}
     if not names:
         raise InputError(f"{board}: no published run", fix="python -m leaderboard publish --results FOLDER")
-    folders = run_folders(out)
-    for folder in folders:
-        if {path.name for path in folder.iterdir()} - {*PUBLISHED}:
-            raise InputError(f"{out}: holds runs of its own", found=folder, fix="choose another folder with --out")
-    for folder in folders:
+    ownership.claim_new(out)
+    for folder in run_folders(out):
         if folder.relative_to(out) not in names:
-            remove_tree(folder)
+            ownership.remove(folder)
     left_out = publish(board, out, submitted=True, overwrite=True).left_out
     if left_out:
         raise InputError(

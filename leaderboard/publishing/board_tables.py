@@ -26,7 +26,8 @@ from hydroviews.dataset.suites import DEVELOPMENT, TEST, suite_of
 from hydroviews.errors import InputError, unknown_name
 from hydroviews.formats.markdown import Markup, markdown_table
 from hydroviews.metrics import find_metrics
-from leaderboard.records import CEILING, FLOOR, GIVEN_POSES, SCORED, VERSIONS_IN_ORDER, effect_of
+from hydroviews.profiles import find_profile
+from leaderboard.records import CEILING, FLOOR, GIVEN_POSES, SCORED, effect_of
 from leaderboard.tables.comparison import differences, scene_scores
 from leaderboard.tables.dataframes import grade_of, share_of_gap
 from leaderboard.tables.markdown import score_cells
@@ -36,8 +37,11 @@ from leaderboard.tables.statistics import estimate
 START, END = "<!-- board: ", "<!-- /board -->"
 BLOCK = re.compile(rf"{START}(\S+) (suites|scenes|methods) (\S+(?: \S+)*) -->\s*\n(.*?){END}", re.DOTALL)
 NAME = re.compile(r"`([^`]+)`")
-SUITES_LEGEND = f"PSNR, means over scenes; in brackets above `{FLOOR}`, ± half a 95 % interval for scenes like these."
-SCENES_LEGEND = f"PSNR; in brackets the share of the gap between `{FLOOR}` and `{CEILING}`."
+SUITES_LEGEND = (
+    f"PSNR in dB, mean over scenes. Brackets: gain over `{FLOOR}` ± half the width of its 95 % confidence interval "
+    "over scenes."
+)
+SCENES_LEGEND = f"PSNR in dB. Brackets: share of the gap between `{FLOOR}` and `{CEILING}`."
 SECONDS = "seconds"  # the head of a last column of costs
 
 Row = tuple[list[str], dict[str, str]]  # names, cells by method
@@ -118,8 +122,8 @@ def _of_methods(start: str, head: Sequence[str], rows: pd.DataFrame, patterns: S
     for method in _ranked(scores, asked):
         cells = [_scene_cell(scores.loc[method][scene], best[scene], patterns) for scene in scenes]
         lines.append([f"`{method}`", *cells, *([_seconds_cell(seconds[method])] if with_seconds else [])])
-    told = ", and mean seconds before, in and after training" if with_seconds else ""
-    legend = f"PSNR under {', '.join(patterns)}{told}."
+    costs = " Seconds: mean over runs, before, in and after training." if with_seconds else ""
+    legend = f"PSNR in dB under {', '.join(patterns)}.{costs}"
     return lines, f"{legend} {_basis(rows, patterns)}"
 
 
@@ -184,9 +188,10 @@ def _basis(rows: pd.DataFrame, patterns: Sequence[str]) -> str:
     rainy = rows[rows.pattern.isin(patterns)]
     own = pd.concat([rainy, rows[rows.pattern.eq(CLEAN) & rows.seed.isin(rainy.seed)]])
     seeds = sorted(map(str, set(own.seed)))
-    versions = sorted({version for told in own.version for version in told.split(VERSIONS_IN_ORDER)})
+    profile = find_profile(own.profile.iloc[0])
     return (
-        f"Profile `{own.profile.iloc[0]}`, seed{'s' * (len(seeds) > 1)} {', '.join(seeds)}, code {', '.join(versions)}."
+        f"Profile `{profile.name}` (longer side at most {profile.long_side} pixels), "
+        f"seed{'s' * (len(seeds) > 1)} {', '.join(seeds)}. The record of each run names its code."
     )
 
 

@@ -5,7 +5,6 @@ whatever reads results reads a board. Failed runs are published too, without sco
 method.
 """
 
-import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,11 +12,11 @@ from typing import Any
 
 from baselines.training.learning_curve import LEARNING_CURVE
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import read_json
-from hydroviews.files.full_disk import plain_write_errors
-from hydroviews.files.temporary import remove_leftovers, remove_tree, temporary_beside
+from hydroviews.files import ownership
+from hydroviews.files.atomic import read_json, write_bytes
+from hydroviews.files.temporary import remove_leftovers
 from leaderboard.gather import run_folders, trusted_record
-from leaderboard.records import DONE, FAILED, FIELDS, PER_VIEW, RECORD, RESCORE, SCHEMA, Record
+from leaderboard.records import DONE, FAILED, FIELDS, PER_VIEW, RECORD, RESCORE, SCHEMA, Record, read_record
 
 PUBLISHED = (RECORD, PER_VIEW, LEARNING_CURVE)  # a failed run has no scores, a submission no training
 
@@ -45,7 +44,7 @@ def publish(results: Path, board: Path, submitted: bool = False, overwrite: bool
         results: folder of the runs.
         board: takes them.
         submitted: those that somebody submitted as well.
-        overwrite: replace runs that are on the board and are others.
+        overwrite: replace runs that are on the board and are others; files of somebody else's in their folders stay.
 
     Raises:
         InputError: no such run; or one that does not belong on a board: of a changed checkout, another schema or other
@@ -68,6 +67,8 @@ def publish(results: Path, board: Path, submitted: bool = False, overwrite: bool
         raise InputError(
             f"{results}: no run that is done or failed", fix="evaluate some, or name another folder with --results"
         )
+    if new:
+        ownership.claim(board)
     for name, run in new.items():
         _write_run(board / name, run.files)
     return Outcome(tuple(new), len(runs) - len(new), left_out)
@@ -127,9 +128,18 @@ def _unlike_data(records: Mapping[Path, Record]) -> list[str]:
 
 
 def _write_run(folder: Path, files: Mapping[str, bytes]) -> None:
-    with plain_write_errors(folder), temporary_beside(folder) as temporary:
-        temporary.mkdir()
-        for name, content in files.items():
-            (temporary / name).write_bytes(content)
-        remove_tree(folder)
-        os.replace(temporary, folder)
+    """Write a run; its record goes first and comes last, since a folder without a record is no run."""
+    known = _of_a_run(folder)
+    for name in PUBLISHED:
+        ownership.remove(folder / name, known)
+    for name in sorted(files, key=lambda name: name == RECORD):
+        write_bytes(folder / name, files[name])
+
+
+def _of_a_run(folder: Path) -> list[Path]:
+    """The files of a run that no list has, as in a copy of the repository; none where the record is no record."""
+    try:
+        read_record(folder / RECORD)
+    except InputError:
+        return []
+    return [folder / name for name in PUBLISHED]

@@ -1,9 +1,9 @@
-"""What a run itself writes into its folder, beside its method, and what a method has left in the way of that."""
+"""Files that a run writes into its folder beside its method, and leftovers of a method in their way."""
 
 from collections.abc import Sequence
 from pathlib import Path
 
-from hydroviews.files.temporary import remove_tree
+from hydroviews.files import ownership
 from hydroviews.formats.photographs import some
 from leaderboard.records import PER_VIEW, RECORD
 from leaderboard.runs.sessions import CONFIG, SESSIONS
@@ -29,13 +29,10 @@ def in_the_way(folder: Path) -> list[Path]:
 
 
 def clear_the_way(folder: Path) -> list[Path]:
-    """Remove what is in the way of a run that has this folder; returns what it was."""
+    """Give what is in the way of a run that has this folder other names; returns what it was called."""
     found = in_the_way(folder)
     for path in found:
-        if path.is_symlink() or not path.is_dir():
-            path.unlink(missing_ok=True)
-        else:
-            remove_tree(path)
+        ownership.set_aside(path)
     return found
 
 

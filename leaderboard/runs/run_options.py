@@ -22,17 +22,17 @@ PatternNames = Annotated[tuple[str, ...], choices(pattern_names(), "package.modu
 
 @dataclass(frozen=True, kw_only=True)
 class RunOptions:
-    """Of all runs of a command."""
+    """Options of all runs of a command."""
 
-    patterns: PatternNames = ()  # 0 is light, 1 medium, 2 heavy; the profile's patterns if none is named
+    patterns: PatternNames = ()  # effects with a grade: 0 light, 1 medium, 2 heavy. Default: the profile's
     profile: ProfileName = "demo"
-    track: TrackName = GIVEN_POSES  # or sparse-views: a third of the training views; rainy-poses: estimated cameras
+    track: TrackName = GIVEN_POSES  # sparse-views: a third of the training views; rainy-poses: estimated cameras
     data: Path = Path("data")
     results: Path = Path("results")
-    captures: Path | None = None  # the folder with published captures; $HYDROVIEWS_CAPTURES if not given
-    time_limit: float = WEEK  # hours that a run may take in all, each time it is tried
-    stall_limit: float = 1.0  # hours that a run may take without a line printed or a file written
-    memory_limit: float | None = None  # 10^9 bytes that a run's process may have to itself; what there is if not given
+    captures: Path | None = None  # the folder with captures. Default: $HYDROVIEWS_CAPTURES
+    time_limit: float = WEEK  # hours per run and attempt
+    stall_limit: float = 1.0  # hours without output or a written file, after which a run fails
+    memory_limit: float | None = None  # memory per run, GB. Default: unlimited
 
     @property
     def limits(self) -> Limits:

@@ -150,7 +150,7 @@ def end_gently(process: subprocess.Popen) -> None:
 def tethered(tether: Tether) -> Iterator[None]:
     """Around the work of a child: it ends with its parent, keeps within its memory, and writes how it ended.
 
-    What it has printed is written before that, as its parent may end it from then on.
+    Its printed lines are written before its outcome, since its parent may end the child from then on.
     """
     end_with_parent(tether.parent)
     faulthandler.enable()  # a crash shows where it was
@@ -291,7 +291,9 @@ class Linger:
     def end(self, process: subprocess.Popen, gently: Callable[[subprocess.Popen], None]) -> None:
         """End the child: at once if its work is done."""
         if self.overdue():
-            logger.warning("its work is done, but its process did not end (a thread left running?): it was ended")
+            logger.warning(
+                "the run has finished, but its process did not end (a thread left running?): the process was ended"
+            )
             process.kill()
         else:
             gently(process)

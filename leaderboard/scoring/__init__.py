@@ -2,7 +2,6 @@
 
     score.py        all metrics of all views, and the record
     previews.py     one picture a run: input, render, truth, error
-    rescore.py      all scores calculated again, and compared with what is recorded
     submission.py   renders that somebody else made
 
 Read `score.py` first.

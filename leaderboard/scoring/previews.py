@@ -1,8 +1,5 @@
 """One picture a run, for people who would rather look than read: input, render, truth, error."""
 
-from collections.abc import Sequence
-from pathlib import Path
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +7,6 @@ from numpy.typing import NDArray
 from baselines.training.images import evenly_spread
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.variants import open_variant
-from hydroviews.errors import InputError
 from hydroviews.scene.images import Image, read_image, write_png
 from hydroviews.scene.masks import Ignored
 from hydroviews.scene.scenes import Scene
@@ -46,37 +42,6 @@ def write_preview(run: Run, scene: Scene) -> None:
         rows.append(np.concatenate([_captioned(image, text) for text, image in panels.items()], axis=1))
     width = min(row.shape[1] for row in rows)  # views of different sizes: crop to the narrowest row
     write_png(run.folder / PREVIEW, np.concatenate([row[:, :width] for row in rows]))
-
-
-def write_overview(runs: Sequence[Run], view: str, path: Path) -> None:
-    """Write one picture of a held-out view: a row a run, each with the clean view, the rainy view and the render.
-
-    Args:
-        runs: finished runs on one scene.
-        view: name of a held-out view.
-        path: of the picture, PNG.
-
-    Raises:
-        InputError: a run has no render of that view.
-    """
-    if not runs:
-        raise InputError("no pattern to picture", expected="at least one, such as --patterns raindrop-0")
-    rows = []
-    for run in runs:
-        panels = {
-            "clean view": _picture(run.clean_scene(), view),
-            f"{run.effect}": _picture(run.training_scene(), view),
-            f"{run.method} on {run.effect}": read_image(run.folder / RENDERS / f"{view}.png"),
-        }
-        rows.append(np.concatenate([_captioned(image, text) for text, image in panels.items()], axis=1))
-    write_png(path, np.concatenate(rows))
-
-
-def _picture(scene: Scene, name: str) -> Image:
-    for view in scene.views:
-        if view.name == name:
-            return view.image()
-    raise InputError(f"{scene.name}: no view {name}", expected=f"one of {', '.join(scene.split.test)}")
 
 
 def error_map(image: Image, target: Image, ignored: Ignored | None = None) -> Image:

@@ -26,6 +26,7 @@ from hydroviews.dataset.variants import has_clean, is_captured
 from hydroviews.errors import InputError, unknown_name
 from hydroviews.files.atomic import as_file, write_bytes, write_json
 from hydroviews.files.locks import BUSY, locked
+from hydroviews.files.ownership import LISTS
 from hydroviews.files.settings_guard import claim_folder
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.formats.photographs import some
@@ -124,7 +125,9 @@ def read_submission(folder: Path) -> Submission:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(f"{path}: not valid TOML", found=error) from None
     except pydantic.ValidationError as error:
-        raise InputError(f"{path}: not a submission", found=in_words(error), fix="docs/topics/submissions.md") from None
+        raise InputError(
+            f"{path}: not a submission", found=in_words(error), fix="docs/leaderboard/board.md describes the file"
+        ) from None
     if submission.method.casefold() in _taken_names():
         raise InputError(f"{path}: the name {submission.method} is one of ours", fix="choose another name")
     names = [(run.scene, run.pattern, run.seed) for run in submission.runs]
@@ -207,7 +210,8 @@ def _refuse_others(folder: Path, renders: Sequence[Path]) -> None:
 
 
 def _files(folder: Path) -> Iterator[Path]:
-    return (path for path in folder.rglob("*") if not path.is_dir() or path.is_symlink())
+    """All but the lists that are ours: renders may have been written by our functions."""
+    return (path for path in folder.rglob("*") if path.name not in LISTS and (not path.is_dir() or path.is_symlink()))
 
 
 def _adopt(run: Run, submission: Submission, one: SubmittedRun, renders: Sequence[Path], overwrite: bool) -> None:

@@ -10,6 +10,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from tqdm import tqdm
 
 from hydroviews.dataset.suites import suite_of
+from hydroviews.files import ownership
 from hydroviews.files.atomic import write_bytes
 from hydroviews.files.full_disk import plain_write_errors
 from hydroviews.files.locks import BUSY, locked
@@ -80,6 +81,7 @@ def write_site(table: pd.DataFrame, results: Path, data: Path) -> Path:
         with plain_write_errors(out):
             for folder in ("runs", "scenes", "pictures"):
                 (out / folder).mkdir(parents=True, exist_ok=True)
+            ownership.claim(out)
         runs, tables = shown_runs(table, results), all_tables(table)
         thumbnails = Thumbnails(out / "pictures")
         scenes = _scenes(runs, tables, data, thumbnails)
@@ -87,7 +89,7 @@ def write_site(table: pd.DataFrame, results: Path, data: Path) -> Path:
         kept = written | {thumbnails.folder / name for name in thumbnails.written}
         for folder in ("runs", "scenes", "pictures"):
             for path in set((out / folder).iterdir()) - kept:
-                path.unlink()
+                ownership.remove(path)
     return out / INDEX
 
 

@@ -41,7 +41,7 @@ eval "exec ${{runs[$SLURM_ARRAY_TASK_ID]}}"
 
 def write_slurm(path: Path, runs: Sequence[Run], limits: Limits, threads: int) -> None:
     """Write the script of a Slurm array that carries out the runs from this folder, on a disk that all nodes share."""
-    command = [sys.executable, "-m", "leaderboard", "run"]
+    command = [sys.executable, "-m", "leaderboard.sweep.task"]
     logs = runs[0].results / LOGS
     logs.mkdir(parents=True, exist_ok=True)  # Slurm does not make it
     text = SCRIPT.format(

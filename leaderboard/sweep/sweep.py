@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hydroviews.errors import InputError
+from hydroviews.files.ownership import require_ours
 from leaderboard.gather import run_folders, trusted_record, write_leaderboard
 from leaderboard.records import FAILED
 from leaderboard.runs.run import Run
@@ -20,17 +21,17 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class SweepRequest(RunOptions):
-    """What to run, and where."""
+    """The runs of a sweep, and where they run."""
 
-    matrix: Path | None = None  # a TOML file with methods, scenes, patterns, seeds, profile, track; or these options
+    matrix: Path | None = None  # TOML file with methods, scenes, patterns, seeds, profile and track
     methods: tuple[MethodName, ...] = ()
     scenes: tuple[str, ...] = ("courtyard",)
     seeds: tuple[int, ...] = (0,)
-    workers: int | None = None  # runs at a time on this machine; as many as cores and memory allow if not given
-    threads: int = 1  # of each run, on cores of its own
-    slurm: Path | None = None  # write the script of a Slurm array here instead of running
-    ray: str | None = None  # address of a Ray cluster to run on instead
-    gpus: float = 0  # of each run on a Ray cluster
+    workers: int | None = None  # runs at a time on this machine. Default: as many as cores and memory allow
+    threads: int = 1  # cores per run
+    slurm: Path | None = None  # write the script of a Slurm array to this file, and run nothing
+    ray: str | None = None  # address of a Ray cluster, in place of this machine
+    gpus: float = 0  # GPUs per run on a Ray cluster
 
 
 def sweep(request: SweepRequest) -> dict[Run, str]:
@@ -96,3 +97,4 @@ def _check(request: SweepRequest) -> None:
         raise InputError(f"--workers {request.workers} --threads {request.threads}", expected="1 or more of each")
     if request.gpus < 0:
         raise InputError(f"--gpus {request.gpus:g}: negative", expected="0 or more")
+    require_ours([request.slurm] if request.slurm else [])

@@ -111,7 +111,10 @@ def scene_scores(
         cube = cube.reindex(columns=pd.MultiIndex.from_product([names, methods]))
         values = cube.to_numpy(float).reshape(len(cube), len(names), len(methods))
         if np.isnan(values).any():
-            raise InputError(f"{rows.scene.iloc[0]}: runs on the same data have other views", fix="evaluate them anew")
+            raise InputError(
+                f"{rows.scene.iloc[0]}: runs on the same data have other views",
+                fix="evaluate them again with OVERWRITE=1",
+            )
         patterns = np.unique(cube.index.get_level_values("pattern"), return_inverse=True)[1]
         scenes.append(SceneScores(values, patterns))
     return scenes
@@ -218,4 +221,4 @@ def _seeds(comparison: Comparison) -> str:
         return "How many seeds would tell the first two apart is known from two seeds on."
     if math.isinf(comparison.seeds):
         return "The first two are equal."
-    return f"Seeds a pattern that would tell the first two apart on these scenes: {comparison.seeds:,.0f}."
+    return f"Seeds per pattern that would separate the first two methods on these scenes: {comparison.seeds:,.0f}."

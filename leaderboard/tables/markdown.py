@@ -114,8 +114,7 @@ def legend() -> str:
     titles = {way: [m.title for m in find_metrics() if m.higher_is_better == way] for way in ways}
     better = "; ".join(f"{', '.join(titles[way])}: {word} is better" for way, word in ways.items() if titles[way])
     return (
-        f"{better}. Bold: the best; underlined: of a method that lacks runs, which is not ranked above one that "
-        "finished more."
+        f"{better}. Bold: best. Underlined: the method lacks runs, and is not ranked above a method that finished more."
     )
 
 

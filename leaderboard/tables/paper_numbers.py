@@ -18,11 +18,10 @@ ABLATION = (
 )
 IN_CSV = {name: f"paper_{name}" for name in ("psnr", "ssim", "lpips", "failed")}  # columns beside ours
 NOTE = (
-    "(paper): as published, tables 1 to 3 of arXiv:2408.11540. These are not of our runs and differ from them for "
-    "reasons that no run can mend: the rain of their views was not published, so ours is drawn anew; picture sizes, "
-    "training lengths and weights of networks are theirs, which profiles other than `paper` do not even aim at; and it "
-    "does not say with which network LPIPS was calculated, nor with which window SSIM. Underlined: it reports "
-    "failures."
+    "(paper): numbers of the publication, tables 1 to 3 of arXiv:2408.11540. They are not our runs. They differ in the "
+    "rain, which we draw anew, and in image sizes, training lengths and network weights; only the profile `paper` "
+    "comes near to these. The paper does not state the network of LPIPS or the window of SSIM. Underlined: the paper "
+    "reports failures."
 )
 
 

@@ -7,6 +7,7 @@ from typing import Literal
 from baselines.splatting.files.compact import cut_to_degree, without_unseen, write_compressed_ply
 from baselines.splatting.files.ply import write_ply
 from hydroviews.errors import InputError
+from hydroviews.files.ownership import require_ours
 from leaderboard.runs.finished_runs import find_splats, require_finished
 
 logger = logging.getLogger(__name__)
@@ -24,10 +25,12 @@ def export(folder: Path, out: Path, form: Format, sh_degree: int | None) -> None
         sh_degree: leave out spherical harmonics above this degree; None keeps all.
 
     Raises:
-        InputError: no such run, a method without Gaussians, another suffix, a degree that there is not, or no gsply.
+        InputError: no such run, a method without Gaussians, another suffix, a file of somebody else's of
+            that name, a degree that there is not, or no gsply.
     """
     if out.suffix.lower() != ".ply":
         raise InputError(f"--out {out}: not a splat file", expected="a name that ends in .ply")
+    require_ours([out])
     require_finished(folder)
     gaussians = find_splats(folder)
     if gaussians is None:

@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
-from baselines.rendering.film import FilmChoice, codec_of, draw_film
+from baselines.rendering.film import FilmChoice, draw_film, require_suffix
 from hydroviews.files.atomic import read_json
+from hydroviews.files.ownership import require_ours
 from leaderboard.runs.finished_runs import load_method, open_run
 from leaderboard.runs.own_files import PREDICTION
 
@@ -18,9 +19,10 @@ def film(folder: Path, data: Path, out: Path, choice: FilmChoice) -> None:
         choice: how long, how smooth, how large.
 
     Raises:
-        InputError: no such run, another suffix, or no encoder.
+        InputError: no such run, another suffix, no encoder, or a file of somebody else's has that name.
     """
-    codec_of(out)
+    require_suffix(out)
+    require_ours([out])
     run = open_run(folder, data)
     about = {"run": str(run.folder), "trained": read_json(run.folder / PREDICTION)}
     draw_film(load_method(run), run.training_scene(), out, choice, about)

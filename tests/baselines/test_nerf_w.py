@@ -6,16 +6,12 @@ import balls
 import numpy as np
 import pytest
 import torch
-from disturbed import TEACH_LITTLE, learns_of_little, whole_and_resumed_field
 from field_rays import SPACE, rays, samples
 
-from baselines import nerf_w
-from baselines.method import find_method
 from baselines.nerf_w import NerfW, NerfWConfig, NerfWModel, nerf_w_losses
 from baselines.volumetric.batches import Batch
 from baselines.volumetric.compositing import INFINITE
 from baselines.volumetric.model import TrainingContext
-from hydroviews.errors import InputError
 
 CONFIG = NerfWConfig(balls.SMALL, appearance=8, transient=8, transient_width=16, embedding_rate=2e-2)
 SHORT = replace(CONFIG, volumetric=replace(balls.SMALL, iterations=20, rays=64, proposal_always=10))
@@ -155,52 +151,6 @@ def test_casts_and_occluders_of_single_views_are_kept_out_of_the_scene(spoilt, t
         gains = (renders * truths).sum(0) / (renders**2).sum(0)
         scores.append(-10 * np.log10(np.mean((renders * gains - truths) ** 2)))
     assert scores[1] > scores[0] + 2, scores
-
-
-def test_a_saved_model_renders_the_same_pixels(spoilt, tmp_path):
-    method = NerfW(SHORT, 0)
-    method.fit(spoilt, tmp_path)
-    method.save(tmp_path)
-    loaded = NerfW.load(SHORT, 0, tmp_path)
-    view = spoilt.test_views[0].camera
-    np.testing.assert_array_equal(loaded.render(view), method.render(view))
-    assert loaded.summary() == method.summary()
-    with pytest.raises(InputError, match="not a model of this configuration"):
-        NerfW.load(replace(SHORT, appearance=9), 0, tmp_path)
-
-
-def test_runs_of_other_settings_are_refused_and_the_same_goes_on(spoilt, tmp_path):
-    first, again = NerfW(SHORT, 0), NerfW(SHORT, 0)
-    first.fit(spoilt, tmp_path)
-    again.fit(spoilt, tmp_path)
-    view = spoilt.test_views[0].camera
-    np.testing.assert_array_equal(first.render(view), again.render(view))
-    with pytest.raises(InputError, match="settings"):
-        NerfW(replace(SHORT, beta_min=0.1), 0).fit(spoilt, tmp_path)
-
-
-def test_an_interrupted_training_ends_with_the_same_bits(spoilt, tmp_path):
-    whole_and_resumed_field(NerfW, SHORT, spoilt, tmp_path, nerf_w, "nerf_w_losses")
-
-
-@pytest.mark.parametrize("case", TEACH_LITTLE)
-def test_scenes_that_teach_little_are_learned_without_harm(spoilt, tmp_path, case):
-    learns_of_little(NerfW(SHORT, 0), spoilt, tmp_path, case)
-
-
-def test_codes_are_as_many_as_the_views():
-    assert model(7).appearance.shape == (7, 8)
-    assert model(7).transient.shape == (7, 8)
-
-
-def test_it_is_found_by_name():
-    assert find_method("nerf-w") is NerfW
-    for profile in ("demo", "quick", "paper"):
-        assert isinstance(NerfW.configuration(profile), NerfWConfig)
-    with pytest.raises(InputError, match="PROFILE=large"):
-        NerfW.configuration("large")
-    with pytest.raises(InputError, match="not trained"):
-        NerfW(CONFIG, 0).summary()
 
 
 def test_two_threads_give_the_same_bits_again(tmp_path):

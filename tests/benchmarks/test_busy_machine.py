@@ -1,10 +1,14 @@
-"""What a training's fair share is on a machine with others, and that the benchmark's steps are counted."""
+"""The fair share of a training on a machine with others, and the count of the benchmark's steps."""
+
+from pathlib import Path
 
 import numba
 import pytest
+import torch
 
 from benchmarks import busy_machine
-from benchmarks.busy_machine import fair_share, measured
+from benchmarks.busy_machine import cases, convolutions, fair_share, measured, table_of
+from hydroviews.cli.threads import processors
 
 
 @pytest.mark.parametrize(
@@ -19,6 +23,29 @@ from benchmarks.busy_machine import fair_share, measured
 )
 def test_fair_is_a_threads_share_of_the_cores(steps, threads, competing, share):
     assert fair_share(steps, 50, threads, competing, cores=2) == pytest.approx(share)
+
+
+def test_a_share_is_of_the_idle_machine_with_threads_as_they_wait_by_default():
+    def steps_of(case, others, seconds):
+        return {"spin": 50.0, "spin shortly": 49.0, "sleep": 40.0}[case.waiting] / (1 + others / case.threads)
+
+    chosen = cases([Path("a"), Path("b")])
+    assert len({(case.work, case.threads, case.waiting, case.checkout) for case in chosen}) == len(chosen) == 10
+    table = table_of(chosen, [2], 1.0, 3, steps_of)
+    assert len(table) == 20
+    shares = table.set_index(["work", "threads", "waiting", "checkout", "competing"])["fair share"]
+    two = {key[2:]: share for key, share in shares.items() if key[:2] == ("splatting", 2)}
+    assert two["spin", Path("a"), 0] == 1.0
+    assert two["sleep", Path("b"), 0] == 0.8
+    assert two["spin shortly", Path("b"), 2] == pytest.approx(fair_share(24.5, 50, 2, 2, processors()), abs=0.006)
+
+
+def test_convolutions_are_counted():
+    before = torch.get_num_threads()
+    try:
+        assert convolutions(1, 0.01) > 0
+    finally:
+        torch.set_num_threads(before)
 
 
 def test_steps_are_counted(monkeypatch):

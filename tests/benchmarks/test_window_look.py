@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks.window_look import measure, pictured, spot_radii
+from benchmarks.rain.window_look import measure, pictured, spot_radii
 
 
 def scene() -> np.ndarray:

@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from benchmarks.windows import with_shares, without_drops, without_mist
+from benchmarks.rain.windows import with_shares, without_drops, without_mist
 from hydroviews.rain.compositing import water_over
 from hydroviews.scene.seeds import generator
 

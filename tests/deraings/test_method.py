@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import torch
 from splats import photographed
-from trainings import CONFIG, assert_identical
+from trainings import CONFIG
 
-from baselines.gaussian_splatting import FOUND, GaussianSplatting
+from baselines.gaussian_splatting import GaussianSplatting
 from baselines.method import find_method
 from baselines.training.images import TrainingImages, read_images
 from baselines.training.torch_state import torch_threads
@@ -19,7 +19,6 @@ from deraings.enhancement.enhance import Enhanced
 from deraings.enhancement.network import EnhancementNetwork, NetworkConfig
 from deraings.enhancement.views import EnhancedViews
 from deraings.enhancement.weights import find_weights, load_enhancer, save_network
-from deraings.masks.config import MaskConfig
 from deraings.method import DeRainGS, DeRainGSConfig, DeRainGSPlus, RainModelOnly, WithoutAttention
 from deraings.rain_model.config import RainConfig
 from hydroviews.errors import InputError
@@ -27,7 +26,6 @@ from hydroviews.files.atomic import sha256
 from hydroviews.scene.images import read_image
 
 TINY = NetworkConfig(width=4, encoder=(1, 1, 1, 1), bottleneck=1, decoder=(1, 1, 1, 1), head_width=4, stem=2)
-MASKED = MaskConfig(start=0.3, warm_up=0.2, every=2, min_evidence=0)
 
 
 @pytest.fixture(scope="module")
@@ -98,57 +96,13 @@ def test_mist_is_not_taken_off_where_it_is_foggy(scene, weights, tmp_path, monke
     assert "enhancement weights from" in caplog.text
 
 
-@pytest.mark.parametrize(
-    "switches",
-    [
-        {"masks": MASKED},
-        {"rain": RainConfig()},
-        {"rain": RainConfig(), "prior": True},
-        {"masks": MASKED, "rain": RainConfig(), "enhancement": True},
-    ],
-    ids=["masks", "rain", "prior", "all"],
-)
-def test_it_learns_resumes_and_comes_back(scene, weights, tmp_path, switches, monkeypatch):
-    switches = {name: str(weights) if value is True else value for name, value in switches.items()}
-    config = DeRainGSConfig(replace(CONFIG, iterations=60, checkpoint_seconds=0.0), **switches)
-    undisturbed = DeRainGS(config, 0)
-    undisturbed.fit(scene, tmp_path / "undisturbed")
-
-    interrupted = methods.RainObjective.__call__
-
-    def crash(self, image, view, iteration, buffers):
-        if iteration == 40:
-            raise RuntimeError("power cut")
-        return interrupted(self, image, view, iteration, buffers)
-
-    with monkeypatch.context() as patch, pytest.raises(RuntimeError, match="power cut"):
-        patch.setattr(methods.RainObjective, "__call__", crash)
-        DeRainGS(config, 0).fit(scene, tmp_path / "run")
-    resumed = DeRainGS(config, 0)
-    resumed.fit(scene, tmp_path / "run")
-    assert_identical(undisturbed._trained, resumed._trained)
-    assert resumed.summary().used == undisturbed.summary().used
-    assert "needed " in resumed.summary().used
-    assert "[" not in resumed.summary().used
-
-    resumed.save(tmp_path / "run")
-    loaded = DeRainGS.load(config, 0, tmp_path / "run")
-    camera = scene.views[0].camera
-    assert np.array_equal(loaded.render(camera), resumed.render(camera))
-    assert loaded.summary() == resumed.summary()
-
-    (tmp_path / "run" / FOUND).unlink()
-    with pytest.raises(InputError, match=FOUND):
-        DeRainGS.load(config, 0, tmp_path / "run")
-
-
 def test_photographs_are_enhanced_only_when_they_are_asked_for(scene, weights, tmp_path):
     images = read_images(scene.train_views)
     views = EnhancedViews(images, [view.name for view in scene.train_views], load_enhancer(weights), tmp_path)
     assert not list(tmp_path.iterdir())
     expected = np.clip(images.pixels(2) / 255 - 0.1, 0, 1)
     assert np.abs(views.image(2) - expected).max() < 0.01
-    (kept,) = (tmp_path / views.digest).iterdir()
+    (kept,) = (tmp_path / views.digest).glob("*.png")
     before = kept.stat().st_mtime_ns
     assert np.array_equal(views.image(2), views.image(2))
     assert kept.stat().st_mtime_ns == before

@@ -9,7 +9,7 @@ import pytest
 
 from deraings.rain_model.config import RainConfig
 
-PAGE = Path(__file__).parents[2] / "docs/topics/rain-model.md"
+PAGE = Path(__file__).parents[2] / "docs/methods/rain-model.md"
 SETTING = re.compile(r"`([a-z_]+\.[a-z_]+)`")
 RAIN = RainConfig()
 

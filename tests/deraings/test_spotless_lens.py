@@ -1,18 +1,14 @@
 import numpy as np
 import pytest
-from disturbed import NOTHING_IN_COMMON, learns_of_nothing_in_common, whole_and_resumed
-from splats import photographed
 
-import deraings.spotless_lens as spotless_lens
 from baselines.distractors.mask_network import MaskNetwork, MaskNetworkConfig, frozen
 from baselines.distractors.residuals import BINS
 from baselines.distractors.spotless import SpotlessConfig
-from baselines.method import find_method
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.training.images import TrainingImages
-from deraings.spotless_lens import LensObjective, SpotlessLens
+from deraings.spotless_lens import LensObjective
 
 SPLATTING = TrainerConfig(
     iterations=16, sh_degree=0, strategy=DefaultStrategy(start=99), device="cpu", checkpoint_seconds=0.0
@@ -62,18 +58,3 @@ def test_asking_what_is_left_out_changes_nothing():
     after = ours.state_dict()
     assert after.keys() == before.keys()
     assert [name for name, array in before.items() if array.tobytes() != after[name].tobytes()] == []
-
-
-def test_an_interrupted_run_ends_with_the_same_bits(tmp_path):
-    scene = photographed(tmp_path, n_views=5)
-    whole_and_resumed(SpotlessLens, CONFIG, scene, tmp_path, spotless_lens, "LensObjective")
-
-
-@pytest.mark.parametrize("change", NOTHING_IN_COMMON)
-@pytest.mark.parametrize("n_views", [1, 6])
-def test_views_that_have_nothing_in_common_leave_a_finite_scene(tmp_path, change, n_views):
-    learns_of_nothing_in_common(SpotlessLens, CONFIG, tmp_path, change, n_views)
-
-
-def test_the_method_is_found():
-    assert find_method("spotless-lens") is SpotlessLens

@@ -5,6 +5,8 @@ import stat
 import tarfile
 import zipfile
 
+from hydroviews.files.ownership import LISTS
+
 FILES = {
     "tandt/train/images/a.jpg": b"first",
     "tandt/train/images/b.jpg": b"second" * 1000,
@@ -42,4 +44,6 @@ def write_tar(path, files, links=()):
 
 
 def contents(folder):
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    """The files of a folder, without those lists of ours that tell whose they are."""
+    paths = [path for path in folder.rglob("*") if path.is_file() and path.name not in LISTS]
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}

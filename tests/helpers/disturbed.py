@@ -6,13 +6,10 @@ from unittest import mock
 
 import numpy as np
 import pytest
-from splats import photographed
 
 from baselines.method import check_hidden
 from baselines.splatting.gaussians import FIELDS
-from baselines.training.torch_state import module_arrays
 from hydroviews.scene.images import write_png
-from hydroviews.scene.scenes import Split
 
 
 def fitted(kind, config, scene, folder, seed=0):
@@ -107,76 +104,6 @@ def held_out(method, scene, gains=False):
     if gains:
         renders = renders * (renders * truths).sum(0) / (renders**2).sum(0)
     return -10 * np.log10(np.mean((renders - truths) ** 2))
-
-
-@contextmanager
-def losses_cut(module, name, step=12):
-    """Trainings of fields, whose losses `module.name(config)` makes, break off at a step."""
-    make, steps = getattr(module, name), []
-
-    def failing(config):
-        loss = make(config)
-
-        def cut(rendering, batch):
-            steps.append(0)
-            if len(steps) == step:
-                raise RuntimeError("power cut")
-            return loss(rendering, batch)
-
-        return cut
-
-    with mock.patch.object(module, name, failing), pytest.raises(RuntimeError, match="power cut"):
-        yield
-
-
-def whole_and_resumed_field(kind, config, scene, folder, module, losses):
-    """A field method trained at once and one that broke off and went on; all their arrays are the same."""
-    config = replace(config, volumetric=replace(config.volumetric, checkpoint_seconds=0.0))
-    whole = fitted(kind, config, scene, folder / "whole")
-    with losses_cut(module, losses):
-        fitted(kind, config, scene, folder / "cut")
-    resumed = fitted(kind, config, scene, folder / "cut")
-    arrays, others = (module_arrays(method._fitted.trained.model) for method in (whole, resumed))
-    assert [name for name, values in arrays.items() if values.tobytes() != others[name].tobytes()] == []
-    assert whole.summary().used == resumed.summary().used
-    return arrays
-
-
-NOTHING_IN_COMMON = {  # changes of a picture: every view an outlier, and nothing to see
-    "noise": lambda picture, index: np.random.default_rng(index).random(picture.shape),
-    "grey": lambda picture, _: np.full_like(picture, 0.5),
-}
-
-
-def learns_of_nothing_in_common(kind, config, folder, change, n_views):
-    """Train a method of Gaussians on so many views, all changed as named, and find it finite."""
-    scene = disturbed(photographed(folder, n_views=8), folder / "changed", NOTHING_IN_COMMON[change])
-    scene = replace(scene, split=replace(scene.split, train=scene.split.train[:n_views]))
-    method = fitted(kind, config, scene, folder / "run")
-    assert all(np.isfinite(value).all() for value in method._trained.gaussians.state_dict().values())
-    assert np.isfinite(method.render(scene.test_views[0].camera)).all()
-
-
-TEACH_LITTLE = ("identical", "one view", "all outliers", "mostly hidden")
-
-
-def learns_of_little(method, scene, folder, case):
-    """Train a field method on views of 24 x 32 pixels that teach little, and find all of it finite."""
-    noise = np.random.default_rng(0)
-    if case == "identical":
-        scene = disturbed(scene, folder, lambda picture, _: np.full_like(picture, 0.5))
-    elif case == "all outliers":
-        scene = disturbed(scene, folder, lambda picture, _: noise.random(picture.shape))
-    elif case == "one view":
-        scene = replace(scene, split=Split(scene.split.train[:1], scene.split.test))
-    elif case == "mostly hidden":  # what counts is one pixel of each view
-        counts = [np.zeros((24, 32), np.float32) for _ in scene.train_views]
-        for count in counts:
-            count[3, 5] = 1
-        method.weights = lambda *_: counts
-    method.fit(scene, folder / "run")
-    assert all(np.isfinite(values).all() for values in module_arrays(method._fitted.trained.model).values())
-    assert np.isfinite(method.render(scene.test_views[0].camera)).all()
 
 
 def occluded(scene, folder, size=48, seed=0):

@@ -1,8 +1,6 @@
 """Photographs in which one scene looks different, and trainings of Gaussians whose colours are made of photographs."""
 
-from contextlib import contextmanager
 from dataclasses import replace
-from unittest import mock
 
 import numpy as np
 import pytest
@@ -72,16 +70,6 @@ def threads_of_networks(kind, config, folder):
     return seen
 
 
-def learns_of_one_view(kind, config, folder):
-    """Train a method of Gaussians on one view and find it finite; returns the whole scene."""
-    scene = photographed(folder, n_views=3)
-    single = replace(scene, split=replace(scene.split, train=scene.split.train[:1]))
-    method = fitted(kind, config, single, folder / "one")
-    assert np.isfinite(method.render(scene.test_views[0].camera)).all()
-    assert all(np.isfinite(value).all() for value in method._trained.gaussians.state_dict().values())
-    return scene
-
-
 def hides_everything_and_says_so(kind, config, folder, caplog):
     """Every photograph shows something else: nothing can be learned, and at a low price all is masked."""
     scene, rng = photographed(folder, n_views=5), np.random.default_rng(0)
@@ -92,27 +80,6 @@ def hides_everything_and_says_so(kind, config, folder, caplog):
     assert f"{method.found['masked']:.1%} of the pixels masked" in method.summary().used
     assert [record.getMessage() for record in caplog.records if "masks hide" in record.getMessage()]
     assert np.isfinite(method.render(scene.test_views[0].camera)).all()
-
-
-@contextmanager
-def lessons_cut(kind, iteration):
-    """Trainings of a method break off where its appearance is to learn in an iteration."""
-    make = kind.objective
-
-    def cut(self, scene, folder):
-        objective = make(self, scene, folder)
-        learn = objective.appearance.learn
-
-        def failing(step):
-            if step == iteration:
-                raise RuntimeError("cut")
-            learn(step)
-
-        objective.appearance.learn = failing
-        return objective
-
-    with mock.patch.object(kind, "objective", cut), pytest.raises(RuntimeError, match="cut"):
-        yield
 
 
 def assert_the_same_steps(folder, cuda_backend, appearance_of):

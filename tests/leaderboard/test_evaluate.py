@@ -18,15 +18,17 @@ import hydroviews
 from hydroviews import metrics
 from hydroviews.errors import InputError
 from hydroviews.files.locks import BUSY, locked
+from hydroviews.files.ownership import FILES
 from hydroviews.scene.images import read_image
 from leaderboard import evaluate as evaluate_module
-from leaderboard.__main__ import evaluate_command, one_run_command, overview_command, score_command, table_command
+from leaderboard.__main__ import evaluate_command, score_command, table_command
 from leaderboard.evaluate import EvaluateRequest, evaluate, outcome
 from leaderboard.records import as_row, code_version, columns
 from leaderboard.runs import train_and_render as predict_module
 from leaderboard.runs.probe import probe
 from leaderboard.runs.supervision import Limits
 from leaderboard.scoring.score import score
+from leaderboard.sweep import task
 
 pytestmark = pytest.mark.usefixtures("toys")
 
@@ -74,6 +76,31 @@ def test_the_table_is_printed_as_the_result_and_is_no_message(built, evaluated, 
     assert "share of gap" in printed
     assert printed.endswith(f"all runs: {tmp_path / 'results/leaderboard.csv'}\n")
     assert "share of gap" not in caplog.text
+
+
+def test_files_of_the_users_in_the_folders_of_runs_stay(built, evaluated, trained_here, tmp_path):
+    run = tmp_path / "results/demo/toy_methods.MeanColour/yard/streak-0/seed-0"
+    config = json.loads((run / "config.json").read_text())
+    (run / "config.json").write_text(json.dumps(config | {"config": {"shift": 0.5}}))
+    mine = [run / "notes.txt", run / "figures/best.png", tmp_path / "results/tables.md"]
+    for path in mine:
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("mine")
+    (tmp_path / "results" / FILES).unlink()
+    evaluate(request(built, tmp_path, "MeanColour", overwrite=True))
+    assert json.loads((run / "config.json").read_text()) == config
+    assert [path.read_text() for path in (*mine[:2], tmp_path / "results/tables.md.kept")] == ["mine"] * 3
+
+
+def test_what_is_in_the_way_of_a_run_gets_another_name(built, evaluated, trained_here, tmp_path):
+    run = tmp_path / "results/demo/toy_methods.MeanColour/yard/streak-0/seed-0"
+    for name in ("record.json", "prediction.json"):
+        (run / name).unlink()
+    (run / "record.json").mkdir()
+    (run / "record.json" / "notes.txt").write_text("mine")
+    evaluate(request(built, tmp_path, "MeanColour"))
+    assert (run / "record.json").is_file()
+    assert (run / "record.json.kept" / "notes.txt").read_text() == "mine"
 
 
 def test_second_call_keeps_records_and_rescoring_gives_the_same(built, evaluated, tmp_path, caplog):
@@ -178,7 +205,7 @@ def test_a_version_names_the_commit_of_our_own_checkout_alone(tmp_path, monkeypa
         ("leaderboard/evaluate.py", True),
         ("hydroviews/captures/captures.toml", True),
         ("pyproject.toml", True),
-        ("docs/topics/results.md", False),
+        ("docs/leaderboard/results.md", False),
         ("docs/pictures/rain.jpg", False),
         ("README.md", False),
         ("CHANGELOG.md", False),
@@ -216,19 +243,13 @@ def test_a_version_is_dirty_where_code_that_a_run_can_depend_on_was_changed(
     assert code_version().endswith("-dirty") == dirty
 
 
-def test_score_and_picture_take_the_folders_that_evaluate_takes(evaluated, tmp_path, capsys):
+def test_scoring_takes_the_folders_that_evaluate_takes(evaluated, tmp_path, capsys):
     place = {"scene": "yard", "data": tmp_path / "data", "results": tmp_path / "results"}
     written = tmp_path / "results/demo/toy_methods.MeanColour/yard/streak-0/seed-0/record.json"
     written.unlink()
     score_command("streak-0", method="toy_methods:MeanColour", **place)
     assert json.loads(written.read_text())["psnr"] == evaluated.scores["psnr"]
     assert f"PSNR {evaluated.scores['psnr']:.2f} dB" in capsys.readouterr().out
-    picture = tmp_path / "overview.png"
-    overview_command("view-00", ("streak-0",), method="toy_methods:MeanColour", **place, out=picture)
-    assert read_image(picture).shape[1] == 3 * 48
-    assert capsys.readouterr().out == f"{picture}\n"
-    with pytest.raises(InputError, match="raindrop-1"):  # the profile's patterns where none is named
-        overview_command("view-00", method="toy_methods:MeanColour", **place, out=picture)
 
 
 def _runs(built, tmp_path):
@@ -283,11 +304,11 @@ def test_a_failed_run_is_a_row_without_numbers(built, evaluated, tmp_path, metho
 
 
 @pytest.mark.usefixtures("trained_here")
-def test_the_command_of_one_run_says_by_its_status_whether_it_failed(built, evaluated, tmp_path):
+def test_a_task_says_by_its_status_whether_its_run_failed(built, evaluated, tmp_path):
     (run,) = _runs(built, tmp_path)
-    one_run_command(run, Limits(1, 1))  # is done
+    task.main(run, Limits(1, 1))  # is done
     with pytest.raises(SystemExit) as ended:
-        one_run_command(dataclasses.replace(run, method="toy_methods:Raises"), Limits(1, 1))
+        task.main(dataclasses.replace(run, method="toy_methods:Raises"), Limits(1, 1))
     assert ended.value.code == 1
 
 

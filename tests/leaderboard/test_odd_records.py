@@ -116,12 +116,13 @@ def test_something_else_where_a_file_of_a_run_belongs_is_a_row_with_a_reason(res
 
 
 @pytest.mark.parametrize("name", ["leaderboard.csv", "per_view.csv", "tables.md", "costs.csv"])
-def test_a_folder_where_a_table_belongs_is_named_and_stays(results, name):
+def test_a_folder_where_a_table_belongs_gets_another_name(results, name, caplog):
     swap(results / name, "folder")
     (results / name / "notes.txt").write_text("mine")
-    with pytest.raises(InputError, match=rf"{name}: cannot be written\n +found: a folder of that name"):
-        write_leaderboard(results)
-    assert (results / name / "notes.txt").read_text() == "mine"
+    write_leaderboard(results)
+    assert (results / f"{name}.kept" / "notes.txt").read_text() == "mine"
+    assert (results / name).is_file()
+    assert f"it is now called {name}.kept" in caplog.text
 
 
 @pytest.mark.parametrize("kind", KINDS)

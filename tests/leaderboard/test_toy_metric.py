@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from made_up_board import write_board as write_runs
 from synthetic import capture_in
 
-from benchmarks.site import write_board as write_runs
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.formats.writers import write_colmap
@@ -67,7 +67,7 @@ def test_a_registered_metric_goes_through_everything(tmp_path, register):
     text = (results / "tables.md").read_text()
     assert "| streak | PSNR | SSIM | LPIPS | LPIPS-VGG | largest error | share of gap |" in text
     assert f" | **{record.scores['largest_error']:.3f}** | " in text
-    assert "\nPSNR, SSIM: higher is better; LPIPS, LPIPS-VGG, largest error: lower is better. Bold: the best;" in text
+    assert "\nPSNR, SSIM: higher is better; LPIPS, LPIPS-VGG, largest error: lower is better. Bold: best." in text
     find_metrics.cache_clear()
 
 

@@ -1,5 +1,10 @@
 """python -m baselines.derain_nerf.raindrop_attention train | export | validate | detect."""
 
+from hydroviews.cli.starting import begin
+
+if __name__ == "__main__":
+    begin()
+
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -15,11 +20,12 @@ from baselines.derain_nerf.raindrop_attention.pairs import KINDS, Patches, Valid
 from baselines.derain_nerf.raindrop_attention.training import AttentionTraining, train
 from baselines.derain_nerf.raindrop_attention.validation import as_columns, scores, table
 from baselines.derain_nerf.raindrop_attention.weights import load_detector, save_generator
-from baselines.training.network_commands import in_words, load_trained, rounded, use_threads
+from baselines.training.network_commands import WEIGHTS, in_words, load_trained, require_own_files, rounded, use_threads
 from baselines.training.supervised_training import Intervals, network_fingerprint
 from baselines.training.validation import as_json
 from hydroviews.cli.commands import run_command
 from hydroviews.files.atomic import write_json
+from hydroviews.files.ownership import require_ours
 from hydroviews.formats.photographs import one_by_one
 from hydroviews.pairs.lens_pool import LENSES
 from hydroviews.pairs.photographs import read_photographs, split_photographs
@@ -37,14 +43,14 @@ class TrainingRequest:
     photographs: Path  # folder of clean photographs; every tenth by name is held out
     network: Literal["small", "paper"] = "small"
     seed: int = 0
-    steps: int = 0  # 0: as many as the configuration says
-    cache: Path = CACHE  # keeps what Blender bakes
-    out: Path = Path("results/raindrop-attention/small")  # gets checkpoint, curve, weights and data card
+    steps: int = 0  # 0: the configuration's number
+    cache: Path = CACHE  # folder for baked lenses
+    out: Path = Path("results/raindrop-attention/small")  # folder of checkpoint, curve, weights and data card
     intervals: tyro.conf.OmitArgPrefixes[Intervals] = field(default_factory=Intervals)
-    threads: int = 0  # 0: as many as there are cores
+    threads: int = 0  # 0: one per core
     workers: int = 0  # processes that draw patches ahead
     watched: int = 4  # held-out photographs of the validations while training
-    validated: int = 0  # and that the weights are validated on in the end, 0 for all
+    validated: int = 0  # held-out photographs of the last validation, 0 for all
 
     def training(self) -> TrainingConfig:
         """The configuration of the network, with the request's seed and steps."""
@@ -53,8 +59,9 @@ class TrainingRequest:
 
 
 def train_command(request: tyro.conf.OmitArgPrefixes[TrainingRequest]) -> None:
-    """Train a network, write its weights and data card; the same command goes on where an earlier one stopped."""
+    """Train a network, write its weights and data card; an interrupted command resumes when repeated."""
     use_threads(request.threads)
+    require_own_files(request.out)
     config, split = request.training(), split_photographs(request.photographs)
     drawn = DrawnRain(read_photographs(split.training), lenses(request.cache, config.seed), KINDS)
     patches = Patches(drawn, config.patch, config.crops, config.batch, config.seed)
@@ -68,7 +75,7 @@ def train_command(request: tyro.conf.OmitArgPrefixes[TrainingRequest]) -> None:
 
 
 def export_command(request: tyro.conf.OmitArgPrefixes[TrainingRequest]) -> None:
-    """Write weights and data card of a training as far as it is; settings as for `train`."""
+    """Write weights and data card of an unfinished training; settings as for `train`."""
     use_threads(request.threads)
     training = AttentionTraining(request.training())
     load_trained(training, request.out, network_fingerprint(training.config, described(request)))
@@ -89,32 +96,36 @@ def write_weights(request: TrainingRequest, training: AttentionTraining) -> None
         "held out": [file.name for file in split_photographs(request.photographs).held_out],
         "validation": as_json(rows, decimals=4),
     }
-    path = request.out / "weights.safetensors"
+    path = request.out / WEIGHTS
     save_generator(path, training.config.generator, training.averaged.state_dict(), card)
     write_json(path.with_suffix(".json"), {"generator": generator, **card})
     print(table(rows), f"\nwritten: {path}")
 
 
 def validate_command(photographs: Path, weights: str = "small", cache: Path = CACHE) -> None:
-    """Print how well weights find and remove drops of held-out photographs.
+    """Print how well weights detect and remove drops on held-out photographs.
 
     Args:
-        photographs: the folder that was trained on; the held-out ones are validated on.
-        weights: shipped ones, or a file.
-        cache: keeps what Blender bakes.
+        photographs: the folder of the training; its held-out photographs are used.
+        weights: name of shipped weights, or a file.
+        cache: folder for baked lenses.
     """
     print(table(scores(load_detector(weights).generator, _held_out(photographs, cache))))
 
 
 def detect_command(pictures: tyro.conf.Positional[Path], out: Path, weights: str = "small") -> None:
-    """Write the attention of a picture, or of all of a folder, beside the picture and what is left without drops.
+    """Detect drops in a picture or a folder; write picture, attention map and derained picture side by side.
 
     Args:
-        pictures: file or folder.
+        pictures: a file or a folder.
         out: another folder.
-        weights: shipped ones, or a file.
+        weights: name of shipped weights, or a file.
+
+    Raises:
+        InputError: a picture that cannot be read, or a file of another origin that would be written over.
     """
     generator, targets = load_detector(weights).generator, one_by_one(pictures, out)
+    require_ours(targets.values())
     for file, target in tqdm(targets.items(), desc="detecting", unit="picture"):
         image = read_image(file)
         attention, derained = detect(image, generator)

@@ -24,7 +24,6 @@ from baselines.splatting.strategies.base import StepOptions
 from baselines.splatting.strategies.densification import observe
 from baselines.splatting.strategies.pruning import contributions
 from baselines.splatting.strategies.relocation import add_noise, add_penalties
-from baselines.splatting.strategies.utilisation import utilisation
 from baselines.training.devices import chosen_device
 from hydroviews.scene.cameras import Camera
 
@@ -54,9 +53,6 @@ class Backend(Protocol):
 
     def contributions(self, cameras: Sequence[Camera]) -> NDArray[np.float64]:
         """Blending weights of the Gaussians [N], summed over all pixels of all cameras; see `pruning`."""
-
-    def utilisation(self, cameras: Sequence[Camera]) -> NDArray[np.float64]:
-        """How much the cameras' images depend on the positions of the Gaussians [N]; see `utilisation`."""
 
     def step(
         self, camera: Camera, view: int, iteration: int, degree: int, rates: Rates, step_options: StepOptions
@@ -117,11 +113,6 @@ class CpuBackend:
         """See Backend."""
         assert self._state is not None
         return contributions(self._state.gaussians, cameras, **self._render_options)
-
-    def utilisation(self, cameras: Sequence[Camera]) -> NDArray[np.float64]:
-        """See Backend."""
-        assert self._state is not None
-        return utilisation(self._state.gaussians, cameras, **self._render_options)
 
     def step(
         self, camera: Camera, view: int, iteration: int, degree: int, rates: Rates, step_options: StepOptions

@@ -153,22 +153,6 @@ class CudaBackend:
             total += sh.grad[:, 0, 0]
         return total.cpu().numpy() / C0
 
-    def utilisation(self, cameras: Sequence[Camera]) -> NDArray[np.float64]:
-        """See Backend."""
-        state = self._current()
-        total = torch.zeros(len(state.seen), dtype=torch.float64, device=state.seen.device)
-        for camera in cameras:
-            leaves = {name: value.detach().requires_grad_() for name, value in state.parameters.items()}
-            degree = degree_of(leaves["sh"].shape[1])
-            image, details = self._rasterize(leaves, state.origin, camera, degree, absolute=True)
-            details["means2d"].retain_grad()
-            moved = torch.zeros_like(details["means2d"][0])
-            for channel in range(3):  # one by one: together they would cancel within a pixel
-                (image[..., channel].sum() / image.numel()).backward(retain_graph=channel < 2)
-                moved += details["means2d"].absgrad[0]
-            total += _by_half_image(moved, camera).square()
-        return total.cpu().numpy()
-
     def step(
         self, camera: Camera, view: int, iteration: int, degree: int, rates: dict[str, Any], step_options: StepOptions
     ) -> float:

@@ -11,7 +11,7 @@ float32, a mask is a bool, and the kernel is plain Numba. Everything here takes 
 is written once for both.
 
 Underneath is LLVM, the language that Numba translates to: its instructions have the same names for numbers and
-vectors, and it knows which registers a processor has. docs/how-it-works/kernels.md explains it.
+vectors, and it knows which registers a processor has. docs/developers/kernels.md explains it.
 """
 
 import operator

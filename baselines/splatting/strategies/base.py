@@ -26,7 +26,7 @@ class StepOptions:
 
     watch: bool = False  # add up position gradients in the state
     absolute: bool = False  # with absolute values summed over pixels (Ye et al. 2024, AbsGS)
-    opacity_penalty: float = 0.0  # factor of the mean opacity in the loss
+    opacity_penalty: float = 0.0  # weight of the mean opacity in the loss
     scale_penalty: float = 0.0  # factor of the mean standard deviation in the loss, in 1 / world units
     noise: PositionNoise | None = None
 

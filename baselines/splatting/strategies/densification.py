@@ -35,16 +35,16 @@ class DefaultStrategy:
         ValueError: opacities that are reset to what is removed.
     """
 
-    start: int = 500  # no refinement before
-    stop: int = 15_000  # nor from here on
+    start: int = 500  # first iteration with a refinement
+    stop: int = 15_000  # iteration from which there is no refinement
     every: int = 100  # iterations between two refinements
-    budget: int = 5_000_000  # never more Gaussians than this
-    growth: float = 10.0  # one refinement adds at most this share of the present number
+    budget: int = 5_000_000  # largest number of Gaussians
+    growth: float = 10.0  # largest share of the present number that one refinement adds
     grow_grad2d: float = 2e-4  # mean gradient by the normalised image position above which a Gaussian is too coarse
     absolute: bool = False  # sum absolute gradients over pixels, which finds blurred texture (Ye et al. 2024, AbsGS)
-    grow_scale3d: float = 0.01  # larger Gaussians are split, smaller ones cloned
-    prune_opacity: float = 0.005  # less opaque ones are removed
-    prune_scale3d: float = 0.1  # larger ones are removed
+    grow_scale3d: float = 0.01  # scale threshold: larger Gaussians are split, smaller ones are cloned
+    prune_opacity: float = 0.005  # Gaussians with a smaller opacity are removed
+    prune_scale3d: float = 0.1  # Gaussians with a larger scale are removed
     reset_every: int | None = 3000  # iterations between two opacity resets; None for never
     reset_to: float = 0.01  # highest opacity after a reset
 

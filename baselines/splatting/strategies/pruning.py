@@ -4,9 +4,8 @@ A pixel's colour is the sum over Gaussians of alpha T times their colour. So the
 a Gaussian's colour is its alpha T summed over pixels: how much of the image it is, in pixels.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,24 +18,14 @@ from baselines.splatting.state import TrainingState
 from hydroviews.scene.cameras import Camera
 
 
-class MeasuresUse(Protocol):
-    """A backend, as it is asked how much use Gaussians are."""
-
-    def contributions(self, cameras: Sequence[Camera]) -> NDArray[np.float64]:
-        """See `contributions`."""
-
-    def utilisation(self, cameras: Sequence[Camera]) -> NDArray[np.float64]:
-        """See `utilisation.utilisation`."""
-
-
 @dataclass(frozen=True)
 class Pruning:
     """Removal of the Gaussians that contribute least to the training views, by their blending weights alpha T."""
 
-    at: tuple[float, ...] = (0.8,)  # when, in shares of the iterations
-    share: float = 0.0  # this share of the Gaussians is removed, those with the smallest sum of weights
-    threshold: float = 0.0  # and those whose sum over all pixels of all training views is smaller than this
-    budget: int | None = None  # no more are left in the end: every round takes an equal part of the surplus
+    at: tuple[float, ...] = (0.8,)  # shares of the iterations at which Gaussians are removed
+    share: float = 0.0  # share of the Gaussians that is removed: those with the smallest sum of weights
+    threshold: float = 0.0  # Gaussians with a smaller sum of weights over all training views are removed too
+    budget: int | None = None  # number of Gaussians at the end; every round removes an equal part of the surplus
 
     def due(self, iteration: int, iterations: int) -> bool:
         """Whether to prune after step `iteration`."""
@@ -45,10 +34,6 @@ class Pruning:
     def left(self, iteration: int, iterations: int) -> int:
         """How many rounds are left after step `iteration`, that one included."""
         return sum(after > iteration for after in self._rounds(iterations))
-
-    def use(self, backend: MeasuresUse, cameras: Sequence[Camera]) -> NDArray[np.float64]:
-        """How much use the Gaussians are [N], >= 0: their blending weights."""
-        return backend.contributions(cameras)
 
     def _rounds(self, iterations: int) -> set[int]:
         return {round(share * iterations) for share in self.at}

@@ -30,16 +30,16 @@ class MCMCStrategy:
     Gaussians start as for plain splatting; in the authors' code at an opacity of 0.5, not 0.1, and a tenth as large.
     """
 
-    start: int = 500  # no refinement before
-    stop: int = 25_000  # nor from here on
+    start: int = 500  # first iteration with a refinement
+    stop: int = 25_000  # iteration from which there is no refinement
     every: int = 100  # iterations between two refinements
-    budget: int = 1_000_000  # never more Gaussians than this
-    growth: float = 0.05  # one refinement adds this share of the present number
-    dead: float = 0.005  # highest opacity of those that are moved
-    noise: float = 5e5  # of positions, in learning rates of the positions
-    opacity_penalty: float = 0.01  # factor of the mean opacity in the loss
-    scale_penalty: float = 0.01  # factor of the mean standard deviation
-    spread: float = 0.0  # of copies around their source, in its standard deviations; the paper's stay where it is
+    budget: int = 1_000_000  # largest number of Gaussians
+    growth: float = 0.05  # share of the present number that one refinement adds
+    dead: float = 0.005  # Gaussians with a smaller opacity are relocated
+    noise: float = 5e5  # noise of the positions, in learning rates of the positions
+    opacity_penalty: float = 0.01  # weight of the mean opacity in the loss
+    scale_penalty: float = 0.01  # weight of the mean standard deviation in the loss
+    spread: float = 0.0  # distance of copies from their source, in standard deviations of the source; 0 in the paper
 
     def step_options(self, iteration: int, means_lr: float, extent: float, seed: int) -> StepOptions:
         """See Strategy: penalties and noise in every step; the same scene in other units is trained the same way."""

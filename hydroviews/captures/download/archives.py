@@ -20,8 +20,8 @@ from tqdm import tqdm
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import replacing
 from hydroviews.files.full_disk import plain_write_errors
+from hydroviews.files.temporary import UNFINISHED
 
-UNFINISHED = ".unpacked-"  # folder that an interrupted call resumes
 DEPTH = 3  # how far down an archive the scene's folder may be
 LONGEST = 255  # bytes of a name, on every common file system
 ANOTHER = "delete it and run the same command again, or ask its authors"

@@ -21,6 +21,7 @@ from hydroviews.captures.catalogue.catalogue import (
 )
 from hydroviews.captures.download.archives import BadArchive, is_archive, unpack
 from hydroviews.errors import InputError, unknown_name
+from hydroviews.files import ownership
 from hydroviews.files.atomic import write_bytes
 from hydroviews.files.http_download import digest, fetch
 from hydroviews.files.locks import BUSY, locked
@@ -68,7 +69,7 @@ def _get(capture: Capture, root: Path, mirror: str | None, checked: dict[Archive
             try:
                 unpack(path, capture.scene, folder, checked[capture.archive][:12])
             except BadArchive:
-                _lock(path).unlink(missing_ok=True)  # the next download is not to be as bad as this one
+                ownership.remove(_lock(path))  # the next download is not to be as bad as this one
                 raise
     if not (folder / SOURCE).exists():
         write_bytes(folder / SOURCE, _origin(capture, capture.archive, checked[capture.archive]).encode())

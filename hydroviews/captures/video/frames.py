@@ -20,7 +20,7 @@ from tqdm import tqdm
 from hydroviews.captures.video.decoding import Video, is_cut_short, open_video, video_frames
 from hydroviews.errors import InputError
 from hydroviews.files import ownership
-from hydroviews.files.atomic import read_json, sha256, write_json
+from hydroviews.files.atomic import is_there, read_json, sha256, write_json
 from hydroviews.files.settings_guard import claim_folder
 from hydroviews.profiles import require_long_side
 from hydroviews.scene.images import without_streaks, write_png
@@ -108,7 +108,7 @@ def take_frames(path: Path, out: Path, choice: FrameChoice) -> list[str]:
             fix="choose another --out, or remove that folder",
             ignored=("video",),
         )
-        state: dict[str, Any] = read_json(out / FILE) if (out / FILE).is_file() else {}
+        state: dict[str, Any] = read_json(out / FILE) if is_there(out / FILE) else {}
         if not state or not all((out / IMAGES / frame["name"]).is_file() for frame in state["frames"]):
             state = _take(video, out, choice)
         if len(state["frames"]) < FEWEST:

@@ -17,7 +17,7 @@ from hydroviews.blender.embedded_scenes.captures import EMBEDDED
 from hydroviews.dataset.card.markdown import describe_rain, how_to_open
 from hydroviews.dataset.statistics import STATISTICS, read_statistics
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import read_json, replacing, write_bytes, write_json
+from hydroviews.files.atomic import is_there, read_json, replacing, write_bytes, write_json
 from hydroviews.formats.capture_json import CAPTURED, described_licence
 from hydroviews.formats.csv_tables import read_csv
 from hydroviews.formats.markdown import markdown_table
@@ -108,7 +108,7 @@ def find_licence(folder: Path) -> Licence | None:
         InputError: its file is not what `keep_licence` writes.
     """
     path = folder / LICENCE / STATED
-    if not path.is_file():
+    if not is_there(path):
         modelled = read_json(folder / "request.json").get("source") in EMBEDDED
         return Licence("Apache-2.0", True, "HydroViews") if modelled else None
     content = read_json(path)
@@ -174,7 +174,7 @@ def _severity(folder: Path, facts: Mapping[str, Any]) -> str:
     if not facts:
         return ""
     parts = ["## Rain"]
-    if (folder / STATISTICS).is_file():
+    if is_there(folder / STATISTICS):
         table = read_statistics(folder / STATISTICS).set_index("pattern")
         numbers = [(name, table.loc[[name]].iloc[0]) for name in facts]
         rows = [
@@ -196,7 +196,7 @@ def _mean_and_range(row: "pd.Series", column: str, factor: float, form: str, uni
 
 
 def _losses(folder: Path) -> str:
-    if not (folder / LOSSES).is_file():
+    if not is_there(folder / LOSSES):
         return ""
 
     rows = []
@@ -216,7 +216,7 @@ def _origin(folder: Path, request: Mapping[str, Any], patterns: Sequence[str], l
     command += ["--lens-renderer", request["lens_renderer"]] if request["lens_renderer"] != "disk" else []
     added = [name for name in patterns if name != CAPTURED]
     command += ["--seed", request["seed"], *(["--patterns", *added] if added else [])]
-    kept = sorted((folder / LICENCE).iterdir()) if (folder / LICENCE).is_dir() else []
+    kept = sorted((folder / LICENCE).glob("[!.]*"))
     words = [f"From `{LICENCE}/{file.name}`:\n\n" + _quoted(file) for file in kept if file.name not in NOT_QUOTED]
     if source in EMBEDDED:
         words = [MODELLED]

@@ -207,6 +207,8 @@ def _move(staged: Path, folder: Path, names: Collection[str]) -> None:
     for name in names:
         read_only(staged / name)
     if not folder.exists():
+        ownership.claim(staged)
+        ownership.adopt([staged / name for name in names], staged)
         os.replace(staged, folder)
         return
     for name in names:

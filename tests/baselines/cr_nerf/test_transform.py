@@ -5,7 +5,7 @@ import pytest
 import torch
 from by_hand import applied, leaky, shaken
 
-from baselines.cr_nerf.config import CrNerfConfig, TransformConfig
+from baselines.cr_nerf.config import TransformConfig
 from baselines.cr_nerf.style import SLOPE
 from baselines.cr_nerf.transform import CrossRayTransform, Mixing
 
@@ -76,8 +76,3 @@ def test_each_ray_has_its_own_matrix_and_style():
     together = network(rays, matrices, styles)
     for i in range(6):
         torch.testing.assert_close(network(rays[i : i + 1], matrices[i : i + 1], styles[i : i + 1])[0], together[i])
-
-
-def test_larger_matrices_than_features_are_refused():
-    with pytest.raises(ValueError, match="matrices of 65: expected 1 to 64"):
-        CrNerfConfig(transform=TransformConfig(size=65))

@@ -48,12 +48,3 @@ def test_reading_reaches_only_the_values_around():
     masks = torch.zeros(2, 4, 4, requires_grad=True)
     read(masks, torch.tensor([1]), torch.tensor([[0.5, 0.01]])).sum().backward()
     assert masks.grad.nonzero().tolist() == [[1, 1, 0], [1, 2, 0]]
-
-
-def test_settings_that_make_no_sense_are_refused():
-    with pytest.raises(ValueError, match="sizes of 1 or more"):
-        TransientConfig(dilations=(1, 0))
-    with pytest.raises(ValueError, match="side 9: expected more than twice"):
-        TransientConfig(dilations=(1, 4), side=9)
-    with pytest.raises(ValueError, match="at_first 1"):
-        TransientConfig(at_first=1.0)

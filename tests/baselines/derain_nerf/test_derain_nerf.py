@@ -7,7 +7,6 @@ import balls
 import numpy as np
 import pytest
 import torch
-from disturbed import TEACH_LITTLE, learns_of_little, whole_and_resumed_field
 from tiny_attention import GENERATOR
 
 from baselines.derain_nerf import method as derain_nerf
@@ -24,7 +23,6 @@ from baselines.derain_nerf.raindrop_attention.detection import Found
 from baselines.derain_nerf.raindrop_attention.network import DerainGenerator
 from baselines.derain_nerf.raindrop_attention.weights import save_generator
 from baselines.training.images import TrainingImages
-from baselines.volumetric import method as volumetric
 from hydroviews.errors import InputError
 from hydroviews.scene.scenes import Scene
 
@@ -100,34 +98,11 @@ def test_hidden_pixels_do_not_count(tmp_path, drops):
     assert not torch.equal(*map(parameters, plain))
 
 
-def test_a_saved_model_renders_the_same_and_the_seed_counts(tmp_path, drops):
-    config = DerainNeRFConfig(SHORT, drops)
-    scene = rainy(tmp_path / "scene")
-    method = fitted(DerainNeRF(config, 0), scene, tmp_path / "run")
-    method.save(tmp_path / "run")
-    camera = scene.test_views[0].camera.resized(29, 23)
-    loaded = DerainNeRF.load(config, 0, tmp_path / "run")
-    np.testing.assert_array_equal(loaded.render(camera), method.render(camera))
-    assert method.render(camera).shape == (23, 29, 3)
-    other = fitted(DerainNeRF(config, 1), scene, tmp_path / "other")
-    assert not torch.equal(parameters(method), parameters(other))
-
-
 def test_a_checkpoint_with_other_masks_is_refused(tmp_path, drops):
     scene = rainy(tmp_path / "scene")
     fitted(DerainNeRF(DerainNeRFConfig(SHORT, drops), 0), scene, tmp_path / "run")
     with pytest.raises(InputError, match="another run"):
         DerainNeRF(DerainNeRFConfig(SHORT, replace(drops, widened=1)), 0).fit(scene, tmp_path / "run")
-
-
-def test_an_interrupted_training_ends_with_the_same_bits(tmp_path, drops):
-    scene, losses = rainy(tmp_path / "scene"), (volumetric, "photometric_losses")
-    whole_and_resumed_field(DerainNeRF, DerainNeRFConfig(SHORT, drops), scene, tmp_path, *losses)
-
-
-@pytest.mark.parametrize("case", TEACH_LITTLE)
-def test_scenes_that_teach_little_are_learned_without_harm(tmp_path, drops, case):
-    learns_of_little(DerainNeRF(DerainNeRFConfig(SHORT, drops), 0), rainy(tmp_path / "scene"), tmp_path, case)
 
 
 def test_masks_are_found_once_for_photographs_and_weights(tmp_path, monkeypatch, drops):

@@ -1,19 +1,16 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
-from disturbed import NOTHING_IN_COMMON, disturbed, fitted, learns_of_nothing_in_common, whole_and_resumed
+from disturbed import disturbed, fitted
 from splats import photographed
 from trainings import psnr
 
-import baselines.distractors.desplat as desplat
 from baselines.distractors.desplat import SHORT_LAYERS, DeSplat, DeSplatConfig
 from baselines.distractors.view_layers import LayerConfig
 from baselines.gaussian_splatting import GaussianSplatting
-from baselines.method import check_hidden, find_method
+from baselines.method import check_hidden
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.strategies.densification import DefaultStrategy
-from hydroviews.errors import InputError
 
 GROWTH = DefaultStrategy(
     start=20, stop=200, every=20, budget=300, grow_grad2d=5e-5, reset_every=None, prune_scale3d=1.0
@@ -53,20 +50,6 @@ def test_what_floats_before_each_camera_stays_out_of_the_scene(tmp_path):
     assert ours.summary().n_primitives == len(ours._trained.gaussians)  # of the scene alone
 
 
-def test_an_interrupted_run_ends_with_the_same_bits(tmp_path):
-    scene = photographed(tmp_path, n_views=4)
-    whole, resumed = whole_and_resumed(DeSplat, BRIEF, scene, tmp_path, desplat, "DeSplatObjective")
-    assert resumed.summary().used == whole.summary().used
-    with pytest.raises(InputError, match="checkpoint is of another run"):
-        fitted(DeSplat, replace(BRIEF, layers=replace(BRIEF.layers, opacity=0.2)), scene, tmp_path / "cut")
-
-
-@pytest.mark.parametrize("change", NOTHING_IN_COMMON)
-@pytest.mark.parametrize("n_views", [1, 6])
-def test_views_that_have_nothing_in_common_leave_a_finite_scene(tmp_path, change, n_views):
-    learns_of_nothing_in_common(DeSplat, BRIEF, tmp_path, change, n_views)
-
-
 def test_layers_that_cover_everything_are_said(tmp_path, caplog):
     scene, hidden = photographed(tmp_path, n_views=4), []
     for opacity in (0.1, 0.95):
@@ -74,12 +57,3 @@ def test_layers_that_cover_everything_are_said(tmp_path, caplog):
         fitted(DeSplat, replace(BRIEF, layers=layers), scene, tmp_path / f"{opacity}")
         hidden.append([record for record in caplog.records if "layers hide" in record.getMessage()])
     assert [len(found) for found in hidden] == [0, 1]
-
-
-def test_the_method_is_found_and_its_model_is_the_scene_alone(tmp_path):
-    assert find_method("desplat") is DeSplat
-    assert DeSplat.configuration("paper").layers == LayerConfig()  # the authors' numbers
-    scene = photographed(tmp_path, n_views=4)
-    method, view = fitted(DeSplat, BRIEF, scene, tmp_path / "run"), scene.test_views[0].camera
-    method.save(tmp_path / "run")
-    assert np.array_equal(method.render(view), DeSplat.load(BRIEF, 0, tmp_path / "run").render(view))

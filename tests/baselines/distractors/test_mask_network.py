@@ -149,9 +149,3 @@ def test_vgg_has_a_position_for_four_by_four_pixels():
     assert vgg_features(image, torch.device("cpu")).shape == (256, 9, 12)
     with pytest.raises(InputError, match="too small"):
         vgg_features(image[:12], torch.device("cpu"))
-
-
-def test_settings_that_make_no_sense_are_refused():
-    for wrong in ({"lower": 0.9}, {"lower": 0}, {"upper": 1.2}, {"prior": 1}):
-        with pytest.raises(ValueError, match="expected"):
-            MaskNetworkConfig(**wrong)

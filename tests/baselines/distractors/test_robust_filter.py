@@ -3,27 +3,24 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from disturbed import assert_found, disturbed, fitted, occluded, whole_and_resumed
+from disturbed import assert_found, fitted, occluded
 from splats import photographed
 from trainings import psnr
 
-import baselines.distractors.robust_filter as robust_filter
 from baselines.distractors.robust_filter import RobustFilter, RobustFilterConfig
 from baselines.distractors.trimming import RECENT, TrimConfig, TrimmedObjective, faded
 from baselines.gaussian_splatting import GaussianSplatting
-from baselines.method import find_method
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.objective import Objective
 from baselines.splatting.strategies.densification import DefaultStrategy
-from baselines.training.images import TrainingImages, read_images
+from baselines.training.images import TrainingImages
 
 STEADY = DefaultStrategy(start=1000, stop=1001, reset_every=None)
 GROWTH = DefaultStrategy(
     start=20, stop=200, every=20, budget=300, grow_grad2d=5e-5, reset_every=None, prune_scale3d=1.0
 )
 SPLATTING = TrainerConfig(iterations=400, sh_degree=0, strategy=STEADY, device="cpu")
-BRIEF = RobustFilterConfig(replace(SPLATTING, iterations=16, checkpoint_seconds=0.0))
 
 
 def random(seed, *shape):
@@ -103,26 +100,6 @@ def test_something_in_the_way_in_a_third_of_the_views_is_left_out(tmp_path):
     assert_found(robust, shown, scene)
 
 
-@pytest.mark.parametrize("n_views", [1, 6])
-def test_views_that_have_nothing_in_common_leave_a_finite_scene(tmp_path, n_views):
-    """Every view an outlier; and one view alone."""
-    scene = disturbed(
-        photographed(tmp_path, n_views=8), tmp_path / "noise", lambda image, index: random(index, *image.shape)
-    )
-    scene = replace(scene, split=replace(scene.split, train=scene.split.train[:n_views]))
-    method = fitted(RobustFilter, BRIEF, scene, tmp_path / "run")
-    assert all(np.isfinite(value).all() for value in method._trained.gaussians.state_dict().values())
-    assert "pixels" in method.summary().used
-
-
-@pytest.mark.parametrize("level", [0.0, 0.5])
-def test_photographs_of_one_grey_are_learnt_without_harm(tmp_path, level):
-    scene = photographed(tmp_path, n_views=8)
-    grey = disturbed(scene, tmp_path / "grey", lambda image, _: np.full_like(image, level))
-    method = fitted(RobustFilter, BRIEF, grey, tmp_path / "run")
-    assert np.isfinite(method.render(scene.test_views[0].camera)).all()
-
-
 def test_a_mask_that_eats_everything_is_given_up_with_a_warning(caplog):
     class Greedy(TrimmedObjective):
         def probability(self, residuals, view, ignored):
@@ -160,24 +137,3 @@ def test_a_step_with_all_pixels_masked_or_hidden_is_finite():
     loss, gradient = TrimmedObjective(hidden, config, 0)(random(0, 24, 32, 3), 0, 9, BufferPool())
     assert loss == 0
     assert not gradient.any()
-
-
-def test_an_interrupted_run_ends_with_the_same_bits(tmp_path):
-    scene = photographed(tmp_path, n_views=8)
-    whole, resumed = whole_and_resumed(RobustFilter, BRIEF, scene, tmp_path, robust_filter, "TrimmedObjective")
-    assert resumed.summary().used == whole.summary().used
-    other = fitted(RobustFilter, BRIEF, scene, tmp_path / "other", seed=1)
-    assert not np.array_equal(whole._trained.gaussians.sh, other._trained.gaussians.sh)
-
-
-def test_the_method_is_found_and_settings_that_make_no_sense_are_refused(tmp_path):
-    assert find_method("robust-filter") is RobustFilter
-    shares = [RobustFilter.configuration(name).trim.inlier_share for name in ("demo", "quick", "paper")]
-    assert shares == [0.9, 0.9, 0.7]
-    assert RobustFilter.configuration("paper").splatting.strategy.reset_every is None
-    for wrong in ({"inlier_share": 0}, {"inlier_share": 1.1}, {"memory": 1}, {"fade_in": 0}):
-        with pytest.raises(ValueError, match="expected"):
-            TrimConfig(**wrong)
-    images = read_images(photographed(tmp_path, n_views=3).train_views)
-    settings = [TrimmedObjective(images, replace(BRIEF, trim=TrimConfig(memory=m)), 0).settings() for m in (0.9, 0.95)]
-    assert settings[0] != settings[1]

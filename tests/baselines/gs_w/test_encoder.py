@@ -6,7 +6,7 @@ import torch
 from safetensors.torch import save_file
 
 from baselines.gs_w.appearance import ReferenceAppearance
-from baselines.gs_w.config import SHORT, ReferenceConfig
+from baselines.gs_w.config import SHORT
 from baselines.gs_w.encoder import VISIBLE_AT_FIRST, ReferenceEncoder, ResNet18
 from baselines.gs_w.weights import load_resnet
 from baselines.training.images import TrainingImages
@@ -77,16 +77,3 @@ def test_what_is_no_resnet_is_refused(tmp_path):
     (tmp_path / "weights.pth").write_bytes(b"no zip at all")
     with pytest.raises(InputError, match="not weights of ResNet-18"):
         load_resnet(net.backbone, tmp_path / "weights.pth")
-
-
-def test_settings_that_cannot_be():
-    with pytest.raises(ValueError, match="1 or more"):
-        ReferenceConfig(maps=0)
-    with pytest.raises(ValueError, match="positive"):
-        ReferenceConfig(visible_price=0)
-
-
-def test_no_photograph_is_kept_at_the_encoders_size():
-    images = TrainingImages([np.random.default_rng(0).integers(0, 255, (70, 90, 3), np.uint8)])
-    ReferenceAppearance(images, SHORT, 1, 100, 0).encode(0)
-    assert not images._smaller

@@ -110,11 +110,6 @@ def test_in_some_steps_nothing_of_the_reference_is_seen():
         assert not any(appearance._absent() for _ in range(20))
 
 
-def test_features_are_the_same_in_the_mean_of_all_steps():
-    appearance, ones = ReferenceAppearance(some_pictures(), SHORT, 1, 10, 0), torch.ones(4000, SHORT.dynamic)
-    assert float(appearance._dropped(ones).mean()) * (1 - SHORT.absent) == pytest.approx(1, abs=0.02)
-
-
 def test_coordinates_begin_within_the_maps_and_follow_positions():
     appearance = ReferenceAppearance(some_pictures(), SHORT, 1, 10, 0)
     gaussians = cloud(500, 1)

@@ -40,12 +40,3 @@ def test_a_picture_of_any_size_has_a_look(size):
     looks = encoder(config)(as_seen(pictures))
     assert looks.shape == (2, 7)
     assert torch.isfinite(looks).all()
-
-
-def test_settings_that_make_no_sense_are_refused():
-    with pytest.raises(ValueError, match=r"mean_share 1\.5"):
-        LookConfig(mean_share=1.5)
-    with pytest.raises(ValueError, match="two convolutions"):
-        LookConfig(channels=(4,))
-    with pytest.raises(ValueError, match="side 7: expected at least 8"):
-        LookConfig(channels=(4, 4, 4, 4), side=7)

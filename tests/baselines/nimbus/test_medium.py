@@ -148,11 +148,3 @@ def test_a_smaller_picture_of_the_medium_is_enlarged():
     plane = torch.full((2, 3), 0.25)
     assert torch.allclose(enlarged(plane, (7, 9)), torch.tensor(0.25))
     assert enlarged(plane, (2, 3)) is plane
-
-
-@pytest.mark.parametrize(
-    "wrong", [{"cells": 1}, {"clear": 0}, {"judged": 2}, {"first": 0.5}, {"samples": 0}, {"variation": -1}]
-)
-def test_settings_that_make_no_medium_are_refused(wrong):
-    with pytest.raises(ValueError, match="expected"):
-        MediumConfig(**wrong)

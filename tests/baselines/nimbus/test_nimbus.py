@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from disturbed import assert_same_gaussians, disturbed, fitted, only_in_training, whole_and_resumed
+from disturbed import disturbed, fitted, only_in_training, whole_and_resumed
 from splats import cloud, photographed
 from trainings import psnr
 
 import baselines.nimbus.method as nimbus
 from baselines.gaussian_splatting import GaussianSplatting
-from baselines.method import check_hidden, find_method
+from baselines.method import check_hidden
 from baselines.nimbus.config import MediumConfig, NimbusConfig, ResidualConfig
 from baselines.nimbus.method import Nimbus
 from baselines.nimbus.objective import NimbusObjective
@@ -22,7 +22,6 @@ from baselines.splatting.kernels.rasterizer import depth, render
 from baselines.splatting.schedule import validation_views
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.training.images import TrainingImages
-from hydroviews.errors import InputError
 
 GROWTH = DefaultStrategy(
     start=20, stop=200, every=20, budget=300, grow_grad2d=5e-5, reset_every=None, prune_scale3d=1.0
@@ -128,19 +127,6 @@ def test_gradients_are_those_of_the_loss(tmp_path):
         assert slope == pytest.approx((gradient * way).sum(), rel=0.03)
 
 
-def test_an_interrupted_run_ends_with_the_same_bits(tmp_path):
-    scene = photographed(tmp_path, n_views=4)
-    whole, resumed = whole_and_resumed(Nimbus, BRIEF, scene, tmp_path, nimbus, "NimbusObjective")
-    assert resumed.summary().used == whole.summary().used
-    arrays, others = (method._objective.state_dict() for method in (whole, resumed))
-    assert arrays.keys() == others.keys()
-    assert any(name.startswith("medium.") for name in arrays)
-    assert any(name.startswith("depth.") for name in arrays)
-    assert [name for name in arrays if arrays[name].tobytes() != others[name].tobytes()] == []
-    with pytest.raises(InputError, match="checkpoint is of another run"):
-        fitted(Nimbus, replace(BRIEF, residual=replace(BRIEF.residual, threshold=0.3)), scene, tmp_path / "cut")
-
-
 @pytest.mark.parametrize("judged", [0.3, 0.8])
 def test_a_medium_that_was_given_up_stays_so_when_a_run_goes_on(tmp_path, judged):
     """Before the interruption, and after it."""
@@ -152,44 +138,17 @@ def test_a_medium_that_was_given_up_stays_so_when_a_run_goes_on(tmp_path, judged
     assert "medium none" in resumed.summary().used
 
 
-@pytest.mark.parametrize("case", ["one view", "all outliers", "identical", "constant"])
-def test_views_that_teach_little_leave_a_finite_scene(tmp_path, case, caplog):
+@pytest.mark.parametrize(("case", "said"), [("one view", "cannot separate"), ("all outliers", "residuals hold")])
+def test_views_that_cannot_tell_rain_from_scene_are_said(tmp_path, case, said, caplog):
     scene = photographed(tmp_path, n_views=8)
-    changes = {
-        "one view": lambda picture, index: picture,
-        "all outliers": lambda picture, index: np.random.default_rng(index).random(picture.shape),
-        "identical": lambda picture, index: scene.views[0].image(),
-        "constant": lambda picture, index: np.full_like(picture, 0.5),
-    }
-    scene = disturbed(scene, tmp_path / "changed", changes[case])
     if case == "one view":
         scene = replace(scene, split=replace(scene.split, train=scene.split.train[:1]))
+    else:
+        noise = np.random.default_rng(0)
+        scene = disturbed(scene, tmp_path / "changed", lambda picture, index: noise.random(picture.shape))
     with caplog.at_level(logging.INFO):
-        method = fitted(Nimbus, BRIEF, scene, tmp_path / "run")
-    assert all(np.isfinite(value).all() for value in method._trained.gaussians.state_dict().values())
-    learned = {name: value for name, value in method._objective.state_dict().items() if not name.startswith("depth.")}
-    assert all(np.isfinite(value).all() for value in learned.values())
-    assert np.isfinite(method.render(scene.test_views[0].camera)).all()
-    said = " ".join(record.message for record in caplog.records)
-    assert ("one view cannot tell" in said) == (case == "one view")
-    assert ("residuals hold" in said) == (method._objective.residuals.share > 0.5)
-    if case == "all outliers":
-        assert "residuals hold" in said
-
-
-def test_the_method_is_found_and_its_model_is_the_scene_alone(tmp_path):
-    assert find_method("baselines.nimbus.method:Nimbus") is Nimbus
-    paper = Nimbus.configuration("paper")
-    assert (paper.medium, paper.residual) == (MediumConfig(), ResidualConfig())
-    scene = photographed(tmp_path, n_views=4)
-    method, view = fitted(Nimbus, BRIEF, scene, tmp_path / "run"), scene.test_views[0].camera
-    method.save(tmp_path / "run")
-    loaded = Nimbus.load(BRIEF, 0, tmp_path / "run")
-    assert np.array_equal(method.render(view), loaded.render(view))
-    assert loaded.summary().used == method.summary().used
-    assert_same_gaussians(method.export_gaussians(), loaded.export_gaussians())
-    image, _ = render(loaded._trained.gaussians, view, near=loaded._trained.near)
-    assert np.array_equal(np.clip(image, 0, 1), method.render(view))
+        fitted(Nimbus, BRIEF, scene, tmp_path / "run")
+    assert said in caplog.text
 
 
 def test_views_that_validate_are_seen_through_the_medium(tmp_path, monkeypatch):

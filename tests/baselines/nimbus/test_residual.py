@@ -68,9 +68,3 @@ def test_residuals_come_back_from_their_arrays():
     again.load_state_dict(residuals.state_dict())
     assert np.array_equal(again.of(GREY, GREY, 1, 25, None), chosen)
     assert again.share == residuals.share
-
-
-@pytest.mark.parametrize("wrong", [{"threshold": 0}, {"first": 2}, {"every": -1}, {"most": 0}])
-def test_settings_that_make_no_residual_are_refused(wrong):
-    with pytest.raises(ValueError, match="expected"):
-        ResidualConfig(**wrong)

@@ -8,21 +8,17 @@ import numpy as np
 import pytest
 import torch
 import wall
-from disturbed import TEACH_LITTLE, learns_of_little, losses_cut
 from field_rays import SPACE, rays
 
-from baselines.method import check_hidden, find_method
-from baselines.occ_nerf import method as occ_nerf
+from baselines.method import check_hidden
 from baselines.occ_nerf.config import OccNerfConfig
 from baselines.occ_nerf.losses import occ_nerf_losses
 from baselines.occ_nerf.method import OccNerf
 from baselines.occ_nerf.model import OccNerfModel
-from baselines.training.checkpoints import CHECKPOINT
 from baselines.volumetric.batches import Batch
 from baselines.volumetric.config import MlpFieldConfig
 from baselines.volumetric.model import TrainingContext
 from baselines.volumetric.rays import camera_rays
-from hydroviews.errors import InputError
 
 VOLUMETRIC = replace(balls.SMALL, iterations=180)
 CONFIG = OccNerfConfig(VOLUMETRIC, VOLUMETRIC.field, gap=0.35, alone=0.1, depth_weight=0.1)
@@ -215,59 +211,3 @@ def test_where_nothing_stands_before_the_scene_little_is_lost(tmp_path):
     method.fit(scene, tmp_path / "both")
     scores = [balls.psnr(method.render, scene.test_views) for method in (plain, method)]
     assert scores[1] > scores[0] - 1, scores
-
-
-def test_a_saved_model_renders_the_same_pixels(occluded, tmp_path):
-    method = OccNerf(SHORT, 0)
-    method.fit(occluded, tmp_path)
-    method.save(tmp_path)
-    loaded = OccNerf.load(SHORT, 0, tmp_path)
-    view = occluded.test_views[0].camera
-    np.testing.assert_array_equal(loaded.render(view), method.render(view))
-    with pytest.raises(InputError, match="not a model of this configuration"):
-        OccNerf.load(replace(SHORT, background=replace(SHORT.background, hidden=8)), 0, tmp_path)
-
-
-@pytest.mark.parametrize("steps", [3, 13], ids=["alone", "both"])
-def test_an_interrupted_training_ends_with_the_same_bits(occluded, tmp_path, steps):
-    whole, cut = OccNerf(SHORT, 0), OccNerf(replace(SHORT, volumetric=_saving(SHORT.volumetric)), 0)
-    whole.fit(occluded, tmp_path / "whole")
-    with losses_cut(occ_nerf, "occ_nerf_losses", steps):
-        cut.fit(occluded, tmp_path / "cut")
-    assert (tmp_path / "cut" / CHECKPOINT).is_file()
-    cut.fit(occluded, tmp_path / "cut")
-    for (name, values), others in zip(whole.model.state_dict().items(), cut.model.state_dict().values(), strict=True):
-        assert torch.equal(values, others), name
-
-
-def _saving(volumetric):
-    return replace(volumetric, checkpoint_seconds=0.0)
-
-
-def test_runs_of_other_settings_are_refused(occluded, tmp_path):
-    OccNerf(SHORT, 0).fit(occluded, tmp_path)
-    with pytest.raises(InputError, match="settings"):
-        OccNerf(replace(SHORT, gap=0.3), 0).fit(occluded, tmp_path)
-
-
-@pytest.mark.parametrize("case", TEACH_LITTLE)
-def test_scenes_that_teach_little_are_learned_without_harm(occluded, tmp_path, case):
-    learns_of_little(OccNerf(SHORT, 0), occluded, tmp_path, case)
-
-
-@pytest.mark.parametrize(
-    "wrong", [{"gap": 0.0}, {"gap": 1.0}, {"alone": 1.0}, {"alone": -0.1}, {"background": MlpFieldConfig()}]
-)
-def test_settings_that_make_no_sense_are_refused(wrong):
-    with pytest.raises(ValueError, match="OccNerfConfig"):
-        replace(CONFIG, **wrong)
-
-
-def test_it_is_found_by_name():
-    assert find_method("baselines.occ_nerf.method:OccNerf") is OccNerf
-    for profile in ("demo", "quick", "paper"):
-        assert isinstance(OccNerf.configuration(profile), OccNerfConfig)
-    with pytest.raises(InputError, match="PROFILE=large"):
-        OccNerf.configuration("large")
-    with pytest.raises(InputError, match="not trained"):
-        OccNerf(CONFIG, 0).summary()

@@ -11,6 +11,7 @@ from finished_runs import Cloud, finished_run
 
 from baselines.rendering import film as film_module
 from baselines.rendering.film import FilmChoice, fitted, write_film
+from hydroviews.captures.video.decoding import open_video, video_frames
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_bytes
 from hydroviews.scene.images import read_image, write_png
@@ -42,7 +43,7 @@ def test_a_film_has_the_frames_asked_for_in_a_codec_that_browsers_play(run, tmp_
     assert fps == pytest.approx(12)
     assert code.lower() in ("vp09", "vp90")
     assert np.abs(frames[0] - frames[3]).mean() > 0.02  # it moves
-    assert [path.name for path in tmp_path.iterdir()] == [out.name]
+    assert [path.name for path in tmp_path.iterdir() if path.name[0] != "."] == [out.name]
 
 
 def test_an_interrupted_film_goes_on_with_the_frames_it_has(run, tmp_path, monkeypatch):
@@ -84,15 +85,41 @@ def test_a_film_that_a_full_disk_cuts_short_does_not_replace_a_whole_one(tmp_pat
     for index in range(12):
         write_png(tmp_path / "frames" / f"{index:05d}.png", noise.random((48, 64, 3)).astype(np.float32))
     out = tmp_path / "film.mp4"
-    out.write_bytes(b"of before")
+    write_bytes(out, b"of before")
     unlimited = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (4000, unlimited[1]))  # bytes of a file, in place of a full disk
     try:
-        with pytest.raises(InputError, match=r"film\.mp4: not written whole\n  found: 0 of 12 frames"):
+        with pytest.raises(InputError, match=r"film\.mp4: not written whole\n  found: [0-9] of 12 frames"):
             write_film(out, tmp_path / "frames", 12, 10)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, unlimited)
     assert out.read_bytes() == b"of before"
+
+
+@pytest.mark.parametrize("suffix", ["mp4", "webm"])
+def test_a_film_says_which_colours_it_has_and_shows_them(tmp_path, suffix):
+    patches = np.array([[200, 40, 40], [40, 160, 40], [40, 60, 200], [230, 150, 120]], np.uint8)
+    picture = patches.reshape(2, 2, 3).repeat(24, 0).repeat(32, 1)
+    for index in range(3):
+        write_png(tmp_path / "frames" / f"{index:05d}.png", picture / np.float32(255))
+    out = tmp_path / f"film.{suffix}"
+    write_film(out, tmp_path / "frames", 3, 10)
+    with open_video(out) as video:
+        frames = list(video_frames(video))
+    decoded = frames[0].decoded
+    tags = decoded.colorspace, decoded.color_range, decoded.color_primaries, decoded.color_trc
+    assert tuple(map(int, tags)) == (1, 1, 1, 13)  # BT.709's matrix, limited range, BT.709's primaries, sRGB
+    assert [frame.time for frame in frames] == pytest.approx([0, 0.1, 0.2], abs=2e-3)
+    middles = frames[0].pixels[12::24, 16::32].astype(int)
+    assert np.abs(middles - patches.reshape(2, 2, 3)).max() <= 3  # by BT.601's matrix it would be 15
+
+
+def test_a_film_of_somebody_else_is_not_written_over(run, tmp_path):
+    out = tmp_path / "film.mp4"
+    out.write_bytes(b"holiday")
+    with pytest.raises(InputError, match=r"film\.mp4: not written by HydroViews, and in the way"):
+        film(run.folder, run.data.parent, out, CHOICE)
+    assert out.read_bytes() == b"holiday"
 
 
 def test_cameras_are_enlarged_to_even_sides(run):

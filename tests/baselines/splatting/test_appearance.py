@@ -160,29 +160,6 @@ def test_a_colour_cast_a_view_is_learnt_away_and_back_from_a_checkpoint(tmp_path
     assert objective.appearance.gains.abs().max() > 0.01
 
 
-def test_an_interrupted_run_ends_with_the_same_bits(tmp_path):
-    scene = photographed(tmp_path, n_views=8)
-    images = read_images(scene.train_views)
-    config = TrainerConfig(iterations=12, sh_degree=1, checkpoint_seconds=0.0)
-
-    class Interrupted(Both):
-        def compare(self, images, view, iteration, buffers):
-            if iteration == 7 and not (tmp_path / "told").exists():
-                (tmp_path / "told").touch()
-                raise RuntimeError
-            return super().compare(images, view, iteration, buffers)
-
-    Interrupted.__name__ = "Both"
-    expected = Both(images, appearance=Tint(len(images)))
-    whole = train(scene, config, 0, tmp_path / "whole", expected)
-    with pytest.raises(RuntimeError):
-        train(scene, config, 0, tmp_path / "cut", Interrupted(images, appearance=Tint(len(images))))
-    objective = Both(images, appearance=Tint(len(images)))
-    cut = train(scene, config, 0, tmp_path / "cut", objective)
-    assert all(np.array_equal(v, cut.gaussians.state_dict()[k]) for k, v in whole.gaussians.state_dict().items())
-    assert all(np.array_equal(v, objective.state_dict()[k]) for k, v in expected.state_dict().items())
-
-
 def test_non_finite_gaussians_leave_the_network_whole(tmp_path):
     gaussians = with_values(with_features(20), "features", 3, np.nan)
     appearance = Tint(1)

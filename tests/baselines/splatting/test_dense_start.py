@@ -4,7 +4,6 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-import pytest
 from scipy.spatial import cKDTree
 from splats import camera, photographed
 from trainings import CONFIG, assert_identical, crashed_and_resumed
@@ -12,7 +11,7 @@ from trainings import CONFIG, assert_identical, crashed_and_resumed
 from baselines.gaussian_splatting import BudgetedSplatting, GaussianSplatting
 from baselines.splatting.initialisation import BETWEEN, MIDDLE, filled_up, initialise
 from baselines.splatting.schedule import Stream, random_stream
-from baselines.splatting.trainer import TrainerConfig, train
+from baselines.splatting.trainer import train
 from hydroviews.scene.scenes import Points
 
 CAMERAS = [camera(10, 10, angle) for angle in (0, 2, 4)]
@@ -65,6 +64,44 @@ def test_enough_points_stay_as_they_are():
     assert all(np.array_equal(enough[name], value) for name, value in plain.items())
 
 
+def in_octants(positions):
+    """How many of the points are in each eighth of the cube."""
+    return np.bincount((positions > 0) @ [1, 2, 4], minlength=8)
+
+
+def test_a_cloud_above_the_budget_is_thinned_evenly_and_said_so(caplog):
+    rng = np.random.default_rng(0)
+    crowded = rng.normal(0.5, 0.2, (12_000, 3))  # a scanner stood there
+    positions = np.concatenate([rng.uniform(-1, 1, (8_000, 3)), crowded, [[1e5, 0, -1e5]]])
+    points = Points(positions, rng.integers(0, 256, (len(positions), 3), np.uint8))
+    start, again = (initialise(points, CAMERAS, 1, 0, budget=5_000) for _ in range(2))
+    assert len(start) == 3_000  # growth has the other two fifths
+    assert "20,001 points are more than the budget of 5,000 Gaussians" in caplog.text
+    assert "the cloud is thinned evenly to 3,000" in caplog.text
+    assert np.array_equal(start.means, again.means)
+    shares, before = in_octants(start.means) / 3_000, in_octants(positions) / 20_001
+    assert np.abs(shares - before).max() < 0.01
+    gaps = cKDTree(start.means).query(positions)[0]
+    random = cKDTree(positions[rng.permutation(20_001)[:3_000]]).query(positions)[0]
+    assert np.quantile(gaps, 0.99) < np.quantile(random, 0.99)  # no holes, as a sample has them
+
+
+def test_a_cloud_within_the_budget_keeps_its_bits():
+    within, plain = (initialise(cloud_of(150), CAMERAS, 1, 0, budget=budget).state_dict() for budget in (150, None))
+    assert all(np.array_equal(within[name], value) for name, value in plain.items())
+
+
+def test_random_points_keep_to_the_budget_too():
+    assert len(initialise(cloud_of(90), CAMERAS, 1, 0, budget=1_000)) == 600
+
+
+def test_a_training_of_a_large_cloud_keeps_to_its_budget(tmp_path):
+    scene = photographed(tmp_path, 3, 16, 12)
+    config = replace(CONFIG, iterations=2, strategy=replace(CONFIG.strategy, budget=200))
+    trained = train(replace(scene, points=cloud_of(2_000)), config, 0, tmp_path / "run")
+    assert 0 < len(trained.gaussians) <= 200
+
+
 def test_random_points_are_not_filled_up():
     assert len(initialise(cloud_of(90), CAMERAS, 1, 0, 20_000)) == 90 + 10_000
 
@@ -77,12 +114,6 @@ def test_a_training_starts_with_a_share_of_its_budget_and_resumes_exactly(tmp_pa
     assert len(unfinished.gaussians) == 150
     whole = train(scene, config, 0, tmp_path / "whole")
     assert_identical(whole, crashed_and_resumed(scene, config, 90, tmp_path / "cut"))
-
-
-@pytest.mark.parametrize("share", [-0.1, 1.5])
-def test_impossible_shares_are_refused(share):
-    with pytest.raises(ValueError, match="dense_start"):
-        TrainerConfig(dense_start=share)
 
 
 def test_the_shortest_trainings_start_with_half_their_budget():

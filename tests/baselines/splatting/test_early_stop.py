@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from splats import photographed
 from trainings import CONFIG, assert_identical, crashed_and_resumed
 
 from baselines.gaussian_splatting import GaussianSplatting
@@ -32,11 +31,6 @@ class Watched(Objective):
     def __call__(self, image, view, iteration, buffers):
         self.seen.append(view)
         return super().__call__(image, view, iteration, buffers)
-
-
-@pytest.fixture(scope="module")
-def scene(tmp_path_factory):
-    return photographed(tmp_path_factory.mktemp("scene"))
 
 
 @pytest.fixture(scope="module")

@@ -130,13 +130,6 @@ def test_a_weight_that_rounding_left_below_zero_is_zero():
     assert np.array_equal(found[1], expected[1])
 
 
-def test_equal_images_have_no_loss():
-    _, target = pair(20, 20)
-    loss, gradient = photometric_loss(target.copy(), target_of(target))
-    assert loss == pytest.approx(0, abs=1e-6)
-    assert np.abs(gradient).max() < 1e-6
-
-
 def test_a_target_is_as_the_photograph_is_kept():
     pixels = np.random.default_rng(0).integers(0, 256, (9, 7, 3), np.uint8)
     target = prepare_target(pixels)

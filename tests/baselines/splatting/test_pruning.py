@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from splats import camera, cloud, photographed, with_values
+from splats import camera, cloud, with_values
 from trainings import BUDGETED, CONFIG, assert_identical
 
 from baselines.splatting.backends.base import CpuBackend
@@ -17,11 +17,6 @@ from baselines.splatting.trainer import train
 from baselines.training.images import TrainingImages
 
 CAMERAS = [camera(60, 40, angle) for angle in (0.0, 2.0, 4.0)]
-
-
-@pytest.fixture(scope="module")
-def scene(tmp_path_factory):
-    return photographed(tmp_path_factory.mktemp("scene"))
 
 
 def test_weights_add_up_to_what_is_covered():

@@ -7,7 +7,7 @@ import numba
 import numpy as np
 import pytest
 import torch
-from splats import camera, cloud, photographed, with_values
+from splats import camera, cloud, with_values
 from trainings import BUDGETED, CONFIG, DENSIFY, RELOCATION, assert_identical, psnr
 
 from baselines.gaussian_splatting import BudgetedSplatting, GaussianSplatting
@@ -48,11 +48,6 @@ def with_moments(gaussians):
 
 def after_a_step(gaussians):
     return replace(fresh_state(gaussians), iteration=1)
-
-
-@pytest.fixture(scope="module")
-def scene(tmp_path_factory):
-    return photographed(tmp_path_factory.mktemp("scene"))
 
 
 def test_equation_9_is_the_papers_double_sum():

@@ -2,33 +2,21 @@
 
 import os
 import signal
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from processes import wait_until
-from splats import camera, photographed
 from trainings import CONFIG, Interrupted, assert_identical, crashed_and_resumed, psnr, trained_behind_a_mask
 
-from baselines.gaussian_splatting import GaussianSplatting, GaussianSplattingClean
-from baselines.method import find_method
-from baselines.splatting.files.ply import read_ply
+from baselines.gaussian_splatting import GaussianSplatting
 from baselines.splatting.kernels.rasterizer import render
 from baselines.splatting.trainer import train
-from baselines.training.checkpoints import CHECKPOINT, read_arrays
+from baselines.training.checkpoints import CHECKPOINT
 from baselines.training.devices import chosen_device
 from baselines.training.images import read_images
 from baselines.training.signals import Saving
 from hydroviews.errors import InputError
 from hydroviews.scene.images import resize_area, write_png
-
-
-@pytest.fixture(scope="module")
-def scene(tmp_path_factory):
-    return photographed(tmp_path_factory.mktemp("scene"))
 
 
 @pytest.fixture(scope="module")
@@ -55,41 +43,8 @@ def test_a_crash_leaves_no_trace(scene, undisturbed, tmp_path, iteration):
     assert_identical(undisturbed, crashed_and_resumed(scene, config, iteration, tmp_path))
 
 
-@pytest.mark.parametrize(("number", "error"), [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit)])
-def test_signals_end_the_run_after_a_checkpoint(scene, undisturbed, tmp_path, number, error):
-    handler = signal.getsignal(number)
-    objective = Interrupted(read_images(scene.train_views), 90, lambda: os.kill(os.getpid(), number))
-    with pytest.raises(error):
-        train(scene, CONFIG, 0, tmp_path, objective)
-    assert signal.getsignal(number) is handler
-    first = train(scene, replace(CONFIG, checkpoint_seconds=1e9), 0, tmp_path)
-    assert_identical(undisturbed, first)
-
-
 def test_what_masks_hide_leaves_no_trace(scene, tmp_path):
     assert_identical(*trained_behind_a_mask(scene, CONFIG, tmp_path))
-
-
-KILLED = """
-import sys
-from pathlib import Path
-sys.path.insert(0, sys.argv[1])
-from splats import photographed
-from trainings import CONFIG, train
-from dataclasses import replace
-folder = Path(sys.argv[2])
-train(photographed(folder / "scene"), replace(CONFIG, checkpoint_seconds=0.0), 0, folder / "run")
-"""
-
-
-def test_a_killed_process_leaves_no_trace(scene, undisturbed, tmp_path):
-    command = [sys.executable, "-c", KILLED, str(Path(__file__).parents[2] / "helpers"), str(tmp_path)]
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    checkpoint = tmp_path / "run" / CHECKPOINT
-    wait_until(checkpoint.exists, process)
-    process.kill()
-    process.wait()
-    assert_identical(undisturbed, train(scene, CONFIG, 0, tmp_path / "run"))
 
 
 def test_training_learns_the_antialiased_scene_it_renders(scene, undisturbed, tmp_path):
@@ -143,46 +98,6 @@ def test_a_damaged_checkpoint_is_refused(scene, tmp_path):
     path.write_bytes(path.read_bytes()[:1000])
     with pytest.raises(InputError, match=r"checkpoint\.safetensors: damaged"):
         train(scene, config, 0, tmp_path)
-
-
-def test_a_saved_model_renders_the_same_pixels(scene, tmp_path):
-    config = replace(CONFIG, iterations=30)
-    method = GaussianSplattingClean(config, 0)
-    method.fit(scene, tmp_path)
-    method.save(tmp_path)
-    again = GaussianSplattingClean.load(config, 0, tmp_path)
-    view = camera(50, 40, 1.0)
-    assert method.render(view).tobytes() == again.render(view).tobytes()
-    assert method.summary() == again.summary()
-    statistics = method.summary()
-    assert statistics.n_primitives == len(read_ply(tmp_path / "splats.ply"))
-    assert statistics.train_seconds > 0
-    assert statistics.device == "cpu"
-    arrays, _ = read_arrays(tmp_path / "model.safetensors")
-    assert statistics.model_mb == sum(array.nbytes for array in arrays.values()) / 1e6  # whatever is told beside them
-
-
-def test_a_render_is_the_callers_to_keep(scene, tmp_path):
-    method = GaussianSplatting(replace(CONFIG, iterations=3), 0)
-    method.fit(scene, tmp_path)
-    first = method.render(camera(30, 20, 0.0))
-    kept = first.copy()
-    method.render(camera(30, 20, 2.0))
-    assert np.array_equal(first, kept)
-
-
-def test_methods_are_registered_and_profiles_known(tmp_path):
-    assert find_method("3dgs") is GaussianSplatting
-    assert find_method("3dgs-clean").trains_on == "clean"
-    paper = GaussianSplatting.configuration("paper")
-    assert paper.iterations == 30_000
-    assert paper.learning_rates.scales == 5e-3
-    with pytest.raises(InputError, match="PROFILE=fast"):
-        GaussianSplatting.configuration("fast")
-    with pytest.raises(InputError, match="not trained"):
-        GaussianSplatting(paper, 0).summary()
-    with pytest.raises(InputError, match="no such file"):
-        GaussianSplatting.load(paper, 0, tmp_path)
 
 
 def test_devices(monkeypatch):

@@ -80,14 +80,3 @@ def test_masks_that_hide_the_scene_are_spoken_of_once_though_a_training_is_resum
     resumed.observe(*hiding)
     assert resumed.visits == 5
     assert len(caplog.messages) == 1
-
-
-def test_settings_that_make_no_sense_are_refused():
-    with pytest.raises(ValueError, match="at_first 0"):
-        PriceConfig(at_first=0.0)
-    with pytest.raises(ValueError, match="price 0"):
-        PriceConfig(price=0.0)
-    with pytest.raises(ValueError, match=r"price 0\.1"):
-        PriceConfig(price=0.1)
-    with pytest.raises(ValueError, match="typical mode"):
-        PriceConfig(typical="mode")

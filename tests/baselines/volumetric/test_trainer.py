@@ -1,7 +1,5 @@
 """Training of plain fields: what it must reach, and that interruptions leave no trace."""
 
-import os
-import signal
 from dataclasses import replace
 
 import balls
@@ -96,18 +94,6 @@ def test_a_loss_that_is_not_finite_ends_the_training_before_it_is_learned(scene,
     with pytest.raises(FloatingPointError, match=r"iteration 8 is not finite: colour [0-9.]+.*bias (inf|nan)"):
         fit(scene, config, tmp_path, loss=loss)
     assert_identical(undisturbed, fit(scene, config, tmp_path))
-
-
-@pytest.mark.parametrize(("number", "error"), [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit)])
-def test_signals_end_the_run_after_a_checkpoint(scene, undisturbed, tmp_path, number, error):
-    handler = signal.getsignal(number)
-    with pytest.raises(error):
-        fit(scene, SHORT, tmp_path, loss=disturbed(SHORT, 7, lambda: os.kill(os.getpid(), number)))
-    assert signal.getsignal(number) is handler
-    first = fit(scene, SHORT, tmp_path)
-    assert_identical(undisturbed, first)
-    again = fit(scene, SHORT, tmp_path)  # nothing left to do
-    assert 0 < first.seconds <= again.seconds < first.seconds + 1
 
 
 @pytest.mark.parametrize("change", ["configuration", "seed", "images", "weights", "settings"])

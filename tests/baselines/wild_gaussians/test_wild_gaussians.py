@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from disturbed import assert_found, assert_same_gaussians, disturbed, power_cut
-from looks import hides_everything_and_says_so, learns_of_one_view
+from disturbed import assert_found, disturbed
+from looks import hides_everything_and_says_so
 from splats import photographed
 from trainings import psnr
 
@@ -102,31 +102,6 @@ def test_a_model_that_was_saved_shows_the_same_pixels(tmp_path):
     assert method.summary().n_primitives == len(method._trained.gaussians)
 
 
-def test_an_interrupted_run_ends_with_the_same_bits_and_so_does_a_second_one(tmp_path):
-    scene = photographed(tmp_path, n_views=8)
-    config = replace(BRIEF, uncertainty=replace(BRIEF.uncertainty, start=4, warm_up=6, every=1))
-    whole, second = (fitted(config, scene, tmp_path / name) for name in ("whole", "second"))
-    assert_same_gaussians(whole._trained.gaussians, second._trained.gaussians)
-
-    with power_cut(wild, "WildObjective", step="compare"):
-        fitted(config, scene, tmp_path / "cut")
-    assert_same_gaussians(whole._trained.gaussians, fitted(config, scene, tmp_path / "cut")._trained.gaussians)
-    other = fitted(config, scene, tmp_path / "other", seed=1)
-    assert not np.array_equal(whole._trained.gaussians.sh, other._trained.gaussians.sh)
-
-
-def test_a_checkpoint_of_other_settings_is_refused(tmp_path):
-    scene = photographed(tmp_path, n_views=8)
-    fitted(BRIEF, scene, tmp_path / "run")
-    for other in (
-        replace(BRIEF, uncertainty=replace(BRIEF.uncertainty, regulariser=0.4)),
-        replace(BRIEF, appearance=replace(BRIEF.appearance, rate=1e-3)),
-        replace(BRIEF, sky=0),
-    ):
-        with pytest.raises(InputError, match="checkpoint is of another run"):
-            fitted(other, scene, tmp_path / "run")
-
-
 def test_the_loss_is_l1_of_the_toned_look_and_ssim_of_the_plain_one(tmp_path):
     scene = photographed(tmp_path, n_views=4)
     images = wild.read_images(scene.train_views)
@@ -141,18 +116,6 @@ def test_the_loss_is_l1_of_the_toned_look_and_ssim_of_the_plain_one(tmp_path):
     assert not toned.any()
     assert loss == pytest.approx(0.2 * Objective(images, 1.0)(plain, 0, 0, BufferPool())[0], rel=1e-5)
     assert other.any()
-
-
-def test_identical_constant_photographs_are_learnt_without_harm(tmp_path):
-    scene = photographed(tmp_path, n_views=8)
-    grey = disturbed(scene, tmp_path / "grey", lambda image, _: np.full_like(image, 0.5))
-    method = fitted(BRIEF, grey, tmp_path / "run")
-    assert all(np.isfinite(value).all() for value in method._trained.gaussians.state_dict().values())
-    assert np.isfinite(method.render(scene.test_views[0].camera)).all()
-
-
-def test_one_view_is_learned(tmp_path):
-    learns_of_one_view(WildGaussians, BRIEF, tmp_path)
 
 
 def test_masks_that_hide_everything_are_said(tmp_path, caplog):

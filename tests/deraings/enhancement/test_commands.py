@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from tiny_network import TINY
 
+from baselines.derain_nerf.raindrop_attention import __main__ as attention
 from deraings.enhancement import __main__ as commands
 from deraings.enhancement.__main__ import (
     TrainingRequest,
@@ -109,6 +110,29 @@ def test_no_picture_is_lost_when_others_are_enhanced(tmp_path, weights):
     with pytest.raises(InputError, match=r"no pictures\n.*1 \.heic"):
         enhance_command(tmp_path / "phone", tmp_path / "out", str(weights))
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("program", [commands, attention])
+@pytest.mark.parametrize("name", ["weights.safetensors", "weights.json", "curve.csv"])
+def test_files_of_the_users_where_networks_are_trained_stay(tmp_path, program, name):
+    (tmp_path / "trained").mkdir()
+    mine = tmp_path / "trained" / name
+    mine.write_text("mine")
+    photographs = tmp_path / "photographs"
+    request = {commands: lambda: TrainingRequest(Data((photographs,)), out=mine.parent)}.get(
+        program, lambda: attention.TrainingRequest(photographs, out=mine.parent)
+    )()
+    with pytest.raises(InputError, match=f"{name}: not written by HydroViews, and in the way"):
+        program.train_command(request)
+    assert mine.read_text() == "mine"
+
+
+def test_a_plot_of_the_users_stays(tmp_path, weights):
+    plot = tmp_path / "plot.svg"
+    plot.write_text("mine")
+    with pytest.raises(InputError, match=r"plot\.svg: not written by HydroViews"):
+        commands.validate_command((tmp_path,), str(weights), tmp_path / "cache", plot=plot)
+    assert plot.read_text() == "mine"
 
 
 def test_describe_counts(capsys):

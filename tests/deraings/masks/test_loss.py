@@ -95,13 +95,17 @@ def test_the_network_has_the_papers_parts_and_starts_with_hardly_any_mask():
 
 @pytest.mark.parametrize("attention", [True, False])
 def test_every_weight_learns(attention):
-    network = MaskNetwork(shrink=2, fine=1, width=8, cutoff=0.125, attention=attention)
-    assert any("mlp" in name for name, _ in network.named_parameters()) == attention
+    """From one of several starts: in a network as narrow as this a rectifier may shut all of a layer off."""
     picture = torch.rand(1, 3, 66, 70, generator=torch.Generator().manual_seed(0))
-    descent = torch.optim.SGD(network.parameters(), 0.1)
-    for _ in range(2):  # the last layer starts at zero and lets nothing through at first
-        descent.zero_grad()
-        (network(picture) * picture[:, :1, ::2, ::2]).sum().backward()
-        descent.step()
-    silent = [name for name, p in network.named_parameters() if p.grad is None or not p.grad.abs().sum() > 0]
-    assert silent == []
+    silent = []
+    for seed in range(4):
+        torch.manual_seed(seed)
+        network = MaskNetwork(shrink=2, fine=1, width=8, cutoff=0.125, attention=attention)
+        assert any("mlp" in name for name, _ in network.named_parameters()) == attention
+        descent = torch.optim.SGD(network.parameters(), 0.1)
+        for _ in range(2):  # the last layer starts at zero and lets nothing through at first
+            descent.zero_grad()
+            (network(picture) * picture[:, :1, ::2, ::2]).sum().backward()
+            descent.step()
+        silent.append({name for name, p in network.named_parameters() if p.grad is None or not p.grad.abs().sum() > 0})
+    assert set.intersection(*silent) == set()

@@ -37,6 +37,7 @@ from hydroviews.blender.embedded_scenes.pieces import Lamp, Piece
 from hydroviews.blender.embedded_scenes.room import BACK, FRONT, HALF_WIDTH, HEIGHT, ROOM
 from hydroviews.blender.process import run_blender
 from hydroviews.errors import InputError
+from hydroviews.files.ownership import FILES
 from hydroviews.scene.depth import view_depth
 from hydroviews.scene.scenes import TEST_EVERY, no_points
 
@@ -302,7 +303,9 @@ def capture(request, tmp_path_factory, kept_blender):
 
 
 def files(folder: Path) -> dict[str, bytes]:
-    return {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*") if p.is_file() and p.suffix != ".log"}
+    """All but logs and lists of what was written, by name."""
+    found = [path for path in folder.rglob("*") if path.is_file() and path.suffix != ".log" and path.name != FILES]
+    return {str(path.relative_to(folder)): path.read_bytes() for path in found}
 
 
 @pytest.mark.blender

@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 from processes import PATIENCE, wait_until
 
@@ -14,6 +16,7 @@ from hydroviews.cli.commands import run_command
 from hydroviews.cli.plugins import load_plugin
 from hydroviews.cli.process_family import Family
 from hydroviews.cli.processes import Ended, run_child
+from hydroviews.cli.starting import SPINS
 
 REPOSITORY = Path(__file__).parents[3]
 COMMAND = """
@@ -28,6 +31,12 @@ run_command(main, prog="waiting")
 """
 
 
+def as_in_a_terminal():
+    """A shell's background jobs ignore these signals, and so does what they start."""
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
+
+
 def waiting(folder, code):
     """A process of a command that has begun."""
     begun = folder / "begun"
@@ -36,6 +45,7 @@ def waiting(folder, code):
         env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
         stderr=subprocess.PIPE,
         text=True,
+        preexec_fn=as_in_a_terminal,
     )
     wait_until(begun.exists, process)
     return process
@@ -64,7 +74,18 @@ def test_a_second_signal_while_it_ends_changes_nothing(tmp_path, number, status)
     assert (process.returncode, errors) == (status, "")
 
 
-@pytest.mark.parametrize("package", ["hydroviews", "leaderboard", "deraings"])
+PROGRAMS = [
+    "hydroviews",
+    "leaderboard",
+    "deraings",
+    "deraings.enhancement",
+    "baselines.derain_nerf.raindrop_attention",
+    "benchmarks.busy_machine",
+    "benchmarks",
+]
+
+
+@pytest.mark.parametrize("package", PROGRAMS)
 def test_who_is_asked_to_end_while_it_imports_says_so_as_well(tmp_path, package):
     (tmp_path / "tyro.py").write_text("import signal\nsignal.raise_signal(signal.SIGTERM)\n")  # what all import first
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), str(REPOSITORY)])}
@@ -72,6 +93,24 @@ def test_who_is_asked_to_end_while_it_imports_says_so_as_well(tmp_path, package)
     process = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert process.stderr == "\nended by SIGTERM; the same command goes on from here\n"
     assert process.returncode == 143
+
+
+def test_opencv_keeps_its_words_on_damaged_pictures_to_itself(tmp_path):
+    picture = np.random.default_rng(0).integers(0, 256, (64, 64, 3)).astype(np.uint8)
+    (tmp_path / "cut.tif").write_bytes(cv2.imencode(".tif", picture)[1].tobytes()[:9000])
+    code = "from hydroviews.cli.starting import begin; begin(); import cv2; assert cv2.imread('cut.tif', -1) is None"
+    process = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (process.returncode, process.stderr) == (0, "")
+
+
+@pytest.mark.parametrize(("given", "spins"), [({}, SPINS), ({"GOMP_SPINCOUNT": "7"}, "7")])
+def test_threads_that_wait_soon_sleep_unless_the_user_has_them_wait_otherwise(given, spins):
+    code = "from hydroviews.cli.starting import begin; begin(); import os; print(os.environ['GOMP_SPINCOUNT'])"
+    inherited = {name: value for name, value in os.environ.items() if name != "GOMP_SPINCOUNT"}
+    process = subprocess.run(
+        [sys.executable, "-c", code], env=inherited | given, cwd=REPOSITORY, capture_output=True, text=True, check=True
+    )
+    assert process.stdout == f"{spins}\n"
 
 
 def test_what_a_plugin_reads_of_the_command_line_is_empty(monkeypatch):

@@ -35,7 +35,7 @@ def test_a_capture_states_its_licence_wherever_its_photographs_lie(tmp_path, pho
     (tmp_path / "LICENSE.other").write_text("Of another thing")
     keep_licence(scene, tmp_path / "built")
     assert find_licence(tmp_path / "built") == Licence("CC-BY-4.0", True, "the capture")
-    kept = {path.name for path in (tmp_path / "built" / "licence").iterdir()}
+    kept = {path.name for path in (tmp_path / "built" / "licence").glob("[!.]*")}
     assert kept == {"LICENSE.txt", "SOURCE.md", "licence.json"}
 
 

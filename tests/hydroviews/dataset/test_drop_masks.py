@@ -78,11 +78,11 @@ def test_pictures_of_masks(church, tmp_path):
 
 def test_masks_beside_rainy_and_clean_photographs(church, tmp_path):
     (church / "images").rename(church / "clean")
-    for path in (church / "clean").iterdir():
+    for path in (church / "clean").glob("[!.]*"):
         wet(church / "rainy" / path.name, path)
     np.save(church / "rainMask.npy", masks())
     folder = built(tmp_path)
-    assert len(list((folder / CAPTURED / "drops").iterdir())) == len(list((folder / "clean").iterdir())) == 9
+    assert len(list((folder / CAPTURED / "drops").glob("[!.]*"))) == len(list((folder / "clean").glob("[!.]*"))) == 9
     assert read_drops(folder, "view-01")[:, 2:4].all()
     assert verify(tmp_path / "data") == []
 

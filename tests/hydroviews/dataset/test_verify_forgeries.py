@@ -53,7 +53,7 @@ def edit_manifest(built, change):
     path = built.parent / "manifest.json"
     manifest = json.loads(path.read_text())
     change(manifest["scenes"]["yard"])
-    write_json(path, manifest)
+    path.write_text(json.dumps(manifest))
 
 
 def told(built, every_view=False):

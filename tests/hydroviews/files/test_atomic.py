@@ -5,6 +5,11 @@ import pytest
 
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import listing, read_json, replacing, write_json
+from hydroviews.files.ownership import FILES
+
+
+def visible(folder):
+    return [path.name for path in folder.iterdir() if path.name != FILES]
 
 
 def test_a_failed_write_leaves_the_old_file_and_no_trace(tmp_path):
@@ -14,7 +19,7 @@ def test_a_failed_write_leaves_the_old_file_and_no_trace(tmp_path):
         temporary.write_text("half")
         raise RuntimeError
     assert read_json(path) == {"old": 1}
-    assert [p.name for p in tmp_path.iterdir()] == ["a.json"]
+    assert visible(tmp_path) == ["a.json"]
 
 
 @pytest.mark.parametrize(
@@ -61,7 +66,7 @@ def test_one_path_is_written_twice_at_once(tmp_path):
         first.write_text("first")
         second.write_text("second")
     assert (tmp_path / "a").read_text() == "first"
-    assert [path.name for path in tmp_path.iterdir()] == ["a"]
+    assert visible(tmp_path) == ["a"]
 
 
 @pytest.mark.parametrize("text", ["[" * 100_000, "9" * 5000, "9" * 400, '{"a": "\\ud800"}', "\xff", "NaN,"])

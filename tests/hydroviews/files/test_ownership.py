@@ -2,10 +2,11 @@ import os
 import shutil
 
 import pytest
+from in_the_way import swap
 
 from hydroviews.errors import InputError
 from hydroviews.files import ownership
-from hydroviews.files.atomic import replacing, write_bytes
+from hydroviews.files.atomic import edit_bytes, replacing, write_bytes
 
 
 @pytest.fixture
@@ -101,3 +102,55 @@ def test_a_list_that_was_cut_short_is_read_as_far_as_it_goes(claimed):
     (claimed / ownership.FOLDER).write_bytes(content[:-5])
     assert ownership.is_ours(claimed / "a.png")
     assert not ownership.is_ours(claimed / "below" / "b é\n.png")
+
+
+def test_where_no_list_is_in_reach_the_first_file_begins_one(tmp_path, caplog):
+    (tmp_path / "notes.md").write_text("the user's")
+    write_bytes(tmp_path / "notes.md", b"ours")
+    write_bytes(tmp_path / "notes.md", b"anew")
+    assert (tmp_path / "notes.md").read_bytes() == b"anew"
+    assert (tmp_path / "notes.md.kept").read_text() == "the user's"
+    assert caplog.text.count("notes.md: not written by HydroViews, and in the way") == 1
+
+
+def test_a_file_with_the_same_bytes_is_not_in_the_way_and_stays_the_users(tmp_path):
+    (tmp_path / "a.txt").write_text("the same")
+    write_bytes(tmp_path / "a.txt", b"the same")
+    assert not (tmp_path / "a.txt.kept").exists()
+    write_bytes(tmp_path / "a.txt", b"another")
+    assert (tmp_path / "a.txt.kept").read_text() == "the same"
+
+
+@pytest.mark.parametrize("kind", ["folder", "named pipe"])
+def test_what_is_no_file_is_set_aside_too(tmp_path, kind):
+    swap(tmp_path / "a.txt", kind)
+    write_bytes(tmp_path / "a.txt", b"ours")
+    assert (tmp_path / "a.txt").read_bytes() == b"ours"
+    kept = tmp_path / "a.txt.kept"
+    assert kept.is_dir() if kind == "folder" else kept.is_fifo()
+
+
+def test_an_edited_file_stays_the_users(tmp_path):
+    (tmp_path / "page.md").write_text("the user's, with a gap")
+    edit_bytes(tmp_path / "page.md", b"the user's, filled")
+    assert (tmp_path / "page.md").read_bytes() == b"the user's, filled"
+    assert not ownership.is_ours(tmp_path / "page.md")
+
+
+def test_a_new_folder_is_claimed_and_one_with_files_refused(claimed, tmp_path):
+    ownership.claim_new(tmp_path / "new")
+    ownership.claim_new(claimed)
+    assert ownership.is_claimed(tmp_path / "new")
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "a.png").touch()
+    with pytest.raises(InputError, match=r"holds other files\n  found: a\.png"):
+        ownership.claim_new(tmp_path / "mine")
+    assert not ownership.is_claimed(tmp_path / "mine")
+
+
+def test_what_a_method_writes_without_a_list_is_adopted(claimed):
+    with pytest.raises(RuntimeError), ownership.adopting(claimed):
+        (claimed / "model.bin").write_bytes(b"a method's")
+        raise RuntimeError
+    assert ownership.is_ours(claimed / "model.bin")
+    assert ownership.left_by_others(claimed) == [claimed / "below" / "mine.txt"]

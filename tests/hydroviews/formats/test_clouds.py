@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from in_the_way import KINDS, not_for_ever, swap
 from painted_room import points_on_walls, scene_in_room, write_room
 from plyfile import PlyData, PlyElement
 
 from hydroviews.dataset import clean_views
 from hydroviews.dataset.clean_views import write_cameras
+from hydroviews.errors import InputError
 from hydroviews.formats.doubles import without_doubles
 from hydroviews.formats.ply import read_ply
 from hydroviews.formats.read import read_scene
@@ -56,11 +58,14 @@ def test_doubles_are_told(tmp_path, caplog):
     "names", [("r", "g", "b"), ("Red", "Green", "Blue"), ("diffuse_red", "diffuse_green", "diffuse_blue")]
 )
 def test_colours_under_other_names_are_read(tmp_path, names, caplog):
-    vertices = np.zeros(400, [*((axis, "f8") for axis in "xyz"), *((name, "u1") for name in names)])
+    axes = "XYZ" if names[0].istitle() else "xyz"
+    vertices = np.zeros(400, [*((axis, "f8") for axis in axes), *((name, "u1") for name in names)])
     for i in range(3):
-        vertices["xyz"[i]], vertices[names[i]] = CLOUD.positions[:, i], CLOUD.colours[:, i]
+        vertices[axes[i]], vertices[names[i]] = CLOUD.positions[:, i], CLOUD.colours[:, i]
     PlyData([PlyElement.describe(vertices, "vertex")]).write(tmp_path / "cloud.ply")
-    assert np.array_equal(read_ply(tmp_path / "cloud.ply").colours, CLOUD.colours)
+    found = read_ply(tmp_path / "cloud.ply")
+    assert np.array_equal(found.positions, CLOUD.positions)
+    assert np.array_equal(found.colours, CLOUD.colours)
     assert caplog.text == ""
 
 
@@ -98,3 +103,10 @@ def test_coordinates_of_a_country_stay_exact_in_the_written_cloud(tmp_path):
     written = np.stack([vertices[axis] for axis in "xyz"], axis=1)
     assert np.abs(written - far.positions).max() < 1e-8
     assert len(np.unique(written[:, 1])) > 300
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_cloud_that_is_no_file_is_named(tmp_path, kind):
+    swap(tmp_path / "cloud.ply", kind)
+    with not_for_ever(), pytest.raises(InputError, match=rf"cloud\.ply: not a file\n  found: a {kind}"):
+        read_ply(tmp_path / "cloud.ply")

@@ -22,7 +22,7 @@ def capture(tmp_path):
     """Nine JPEG-named photographs; a model of them."""
     scene = scene_in_room(tmp_path / "walk")
     folder = write_room(scene, tmp_path / "walk", "colmap")
-    for path in list((folder / "images").iterdir()):
+    for path in list((folder / "images").glob("[!.]*")):
         cv2.imwrite(str(path.with_suffix(".jpg")), cv2.imread(str(path)))
         path.unlink()
     return folder

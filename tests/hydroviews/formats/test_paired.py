@@ -137,7 +137,7 @@ def test_photographs_without_a_camera_are_named(tmp_path):
     notes = read_scene(folder).notes
     assert "1 rainy photographs without a camera: late.png" in notes
     assert "1 clean photographs without a camera: other.png" in notes
-    for path in list((folder / "clean").iterdir()):
+    for path in list((folder / "clean").glob("[!.]*")):
         path.rename(path.with_name(f"dry-{path.name}"))
     with pytest.raises(InputError, match=r"no clean photograph has a camera\n.*view-00[\s\S]*clean are dry-other"):
         read_scene(folder)
@@ -153,11 +153,11 @@ def test_a_camera_without_a_photograph(tmp_path):
 
 def test_suffixes_and_case_do_not_tell_photographs_apart(tmp_path):
     folder = paired_capture(tmp_path / "walk")
-    for path in list((folder / "clean").iterdir()):
+    for path in list((folder / "clean").glob("[!.]*")):
         write_png(path.with_name("x.png"), read_image(path))
         (folder / "clean" / "x.png").rename(path.with_name(path.stem.upper() + ".PNG"))
         path.unlink()
-    for path in list((folder / "rainy").iterdir()):
+    for path in list((folder / "rainy").glob("[!.]*")):
         path.rename(path.with_suffix(".bmp"))
     (folder / "clean").rename(folder / "Clean")
     (folder / "rainy").rename(folder / "RAINY")
@@ -206,7 +206,7 @@ def test_masks_hide_the_same_pixels_of_both(tmp_path):
 def test_both_are_undistorted_alike(tmp_path):
     folder = colmap_capture(tmp_path / "walk", count=5)
     (folder / "images").rename(folder / "clean")
-    for path in (folder / "clean").iterdir():
+    for path in (folder / "clean").glob("[!.]*"):
         wet(folder / "rainy" / path.name, path)
     scene = read_scene(folder).resized(24)
     for rainy, clean in zip(scene.views, scene.clean_views, strict=True):

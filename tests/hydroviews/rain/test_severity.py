@@ -18,7 +18,7 @@ from hydroviews.scene.images import luminance, to_linear, to_srgb, write_png
 from hydroviews.scene.seeds import generator
 
 LOSSES = {"streak": (1.5, 4.0, 8.5), "raindrop": (1.5, 3.7, 8.5)}  # dB that grades stand for
-# Of a scene learned from clean views, over its detail, where nothing is known (docs/topics/severity.md).
+# The error of a scene learned from clean views, over its detail, where nothing is known (docs/rain/index.md).
 CLEAN_ERROR = 1.5
 VIEWS = 8  # that see a place of the ring, all of them trained on
 

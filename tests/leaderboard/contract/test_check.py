@@ -2,8 +2,6 @@
 
 import json
 import os
-import subprocess
-import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -257,12 +255,6 @@ def test_it_is_told_in_words_in_json_and_by_the_exit_status(only, tmp_path, capl
 def test_what_cannot_be_checked_is_refused(arguments, message):
     with pytest.raises(InputError, match=message):
         check(**arguments)
-
-
-def test_make_check_names_the_method():
-    command = ["make", "--dry-run", "--no-print-directory", f"VENV={sys.prefix}", "check", "METHOD=a.b:C"]
-    lines = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, check=True).stdout
-    assert "-m leaderboard check 'a.b:C' --profile 'demo'" in lines
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from made_up_board import write_board as make_runs
 
-from benchmarks.site import write_board as make_runs
 from hydroviews.errors import InputError
 from leaderboard import gather
 from leaderboard.__main__ import board_command, compare_command, site_command, table_command
@@ -97,6 +97,15 @@ def test_runs_that_left_the_board_go(board, shown, tmp_path):
     assert len(list((out / "site" / "runs").iterdir())) == 9
 
 
+def test_files_of_the_users_among_the_runs_stay_when_these_go(board, shown, tmp_path):
+    out = Path(shutil.copytree(shown, tmp_path / "out"))
+    notes = out / "demo/ours/pond/streak-1/seed-0/notes.txt"
+    notes.write_text("mine")
+    shutil.rmtree(board / "demo" / "ours")
+    write_board(board, out)
+    assert [path.name for path in notes.parent.iterdir()] == ["notes.txt"]
+
+
 def test_runs_of_a_board_that_cannot_be_used_are_named(board, tmp_path):
     damaged, partial = (board / "demo" / method / "pond/streak-1/seed-0/record.json" for method in ("3dgs", "ours"))
     damaged.write_text("{")
@@ -111,7 +120,7 @@ def test_folders_that_are_something_else_are_refused(board, made, tmp_path):
     before = files(made)
     with pytest.raises(InputError, match="the board itself"):
         write_board(board, board)
-    with pytest.raises(InputError, match="holds runs of its own"):
+    with pytest.raises(InputError, match="results: holds other files"):
         write_board(board, made / "results")
     assert files(made) == before
     with pytest.raises(InputError, match="no published run"):

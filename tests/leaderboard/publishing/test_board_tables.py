@@ -104,8 +104,8 @@ def test_methods_have_a_row_each_in_order_of_their_means():
     assert shown["`theirs`"] == [f"**{drops:.2f}**, **{streaks:.2f}**", *shown["`theirs`"][1:2], "", "35"]
     drops, streaks = means["ours", "pond"][["raindrop-1", "streak-1"]]
     assert shown["`ours`"][2:] == [f"**{drops:.2f}**, **{streaks:.2f}**", "95"]
-    told = "PSNR under raindrop-1, streak-1, and mean seconds before, in and after training. Profile `demo`, seed 0"
-    assert told in text
+    assert "PSNR in dB under raindrop-1, streak-1. Seconds: mean over runs, before, in and after training." in text
+    assert "Profile `demo` (longer side at most 320 pixels), seed 0." in text
     assert filled(text, table, views) == text
 
 
@@ -128,7 +128,7 @@ def test_scenes_of_no_suite_have_a_table_of_methods_and_unknown_seconds_are_empt
         "`ours`": "",
         "`3dgs`": "30",
     }
-    assert "Profile `demo`, seed 0, code 0.2.0+1, 0.2.0+2." in text
+    assert "Profile `demo` (longer side at most 320 pixels), seed 0. The record of each run names its code." in text
 
 
 def test_methods_that_no_column_names_change_nothing():
@@ -167,7 +167,7 @@ def test_what_is_around_a_table_stays_and_a_second_time_changes_nothing():
     )
     assert once.count("\n\nAfter.\n") == 2
     assert "raindrop, heavy" in once
-    assert once.count("Profile `demo`, seed 0, code 0.2.0+1, 0.2.0+2.\n") == 2
+    assert once.count("seed 0. The record of each run names its code.\n") == 2
     assert filled(once, *board()) == once
     assert filled("No table.", *board()) == "No table."
 
@@ -208,4 +208,4 @@ def test_scores_of_methods_are_over_the_seeds_that_all_of_them_have():
     assert shown["`3dgs`"][1].endswith(f"{(psnr['3dgs'] + 40) / 2:.2f}")
     clean = table[(table.scene == "pond") & (table.pattern == "clean")].psnr.item()
     assert shown["`3dgs-clean`"][1] == f"{(clean + 50) / 2:.2f}"
-    assert "seeds 0, 1, code" in text
+    assert "seeds 0, 1. The record" in text

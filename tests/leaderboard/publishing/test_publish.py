@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from made_up_board import write_board
 
-from benchmarks.site import write_board
 from hydroviews.errors import InputError
 from leaderboard.__main__ import publish_command
 from leaderboard.gather import collect, collect_views, run_folders
@@ -42,7 +42,8 @@ def edit(results: Path, run: str = RUN, **changes) -> None:
 
 
 def files(folder: Path) -> dict[str, bytes]:
-    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    paths = [path for path in folder.rglob("*") if path.is_file() and not path.name.startswith(".")]
+    return {str(path.relative_to(folder)): path.read_bytes() for path in paths}
 
 
 def test_a_board_is_records_and_scores_and_reads_as_the_results_do(results, board):
@@ -143,7 +144,7 @@ def test_what_is_there_is_kept_and_another_run_in_its_place_needs_to_be_asked_fo
 
 
 def test_an_interruption_leaves_no_half_run_and_the_same_command_does_the_rest(results, board, monkeypatch):
-    replace, left = os.replace, [3]
+    replace, left = os.replace, [10]  # three runs of three files, and one file
 
     def interrupted(*paths):
         left[0] -= 1
@@ -161,6 +162,26 @@ def test_an_interruption_leaves_no_half_run_and_the_same_command_does_the_rest(r
     (killed / "record.json").write_text("{")
     assert len(publish(results, board).written) == 7
     assert len(files(board)) == 30
+
+
+@pytest.mark.parametrize("listed", [True, False], ids=["written here", "of a repository"])
+def test_files_of_the_users_in_the_folder_of_a_run_stay(results, board, listed, caplog):
+    publish(results, board)
+    for path in [] if listed else board.rglob(".hydroviews-*"):
+        path.unlink()
+    (board / RUN / "notes.txt").write_text("mine")
+    edit(results, train_s=1.0)
+    assert publish(results, board, overwrite=True).written == (Path(RUN),)
+    assert json.loads((board / RUN / "record.json").read_text())["train_s"] == 1.0
+    assert set(files(board / RUN)) == {"notes.txt", "record.json", "per_view.csv", "learning_curve.csv"}
+    assert (board / RUN / "notes.txt").read_text() == "mine"
+    (board / RUN / "record.json").unlink()
+    (board / RUN / "record.json").write_text("my own record")
+    for path in board.rglob(".hydroviews-*"):
+        path.unlink()
+    publish(results, board, overwrite=True)
+    assert (board / RUN / "record.json.kept").read_text() == "my own record"
+    assert "record.json: not written by HydroViews, and in the way" in caplog.text
 
 
 def test_nothing_to_publish_is_told(tmp_path, board):

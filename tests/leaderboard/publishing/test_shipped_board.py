@@ -20,7 +20,8 @@ def test_every_run_on_it_can_be_published(tmp_path):
     outcome = publish(BOARD, tmp_path, submitted=True)
     assert (len(outcome.written), outcome.left_out) == (len(run_folders(BOARD)), {})
     held, copied = (
-        {path.relative_to(root) for path in root.rglob("*") if path.is_file()} for root in (BOARD, tmp_path)
+        {path.relative_to(root) for path in root.rglob("*") if path.is_file() and not path.name.startswith(".")}
+        for root in (BOARD, tmp_path)
     )
     assert held == {Path("README.md"), *copied}
 

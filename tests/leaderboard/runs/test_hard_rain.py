@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from balls import photographed
 
-from benchmarks.hard_rain import AIR, behind, blank, foggy, painted, row
+from benchmarks.rain.hard_rain import AIR, behind, blank, foggy, painted, row
 from hydroviews.files.atomic import write_json
 from hydroviews.rain.layers import write_layers
 from hydroviews.scene.depth import depth_path, write_depth
@@ -62,7 +62,6 @@ def test_a_row_is_scored_by_the_truth(scene, tmp_path):
     black = painted(scene, tmp_path / "black", lambda view: np.zeros_like(view.image()))
     cases = {"as it is": (scene, scene), "too bright": (scene, black), "black": (black, black)}
     score = {
-        case: row(case, "toy_methods:MeanColour", pair, "demo", 0, tmp_path / "runs")["PSNR"]
-        for case, pair in cases.items()
+        case: row("toy_methods:MeanColour", pair, "demo", 0, tmp_path / case)["PSNR"] for case, pair in cases.items()
     }
     assert score["too bright"] < score["as it is"] < 30 < score["black"]

@@ -1,14 +1,25 @@
-"""The benchmark of interruptions tells a command that goes on rightly from one that does not."""
+"""Killed commands, and commands on full disks, end in the bytes of an undisturbed run.
+
+`KILLS=10` kills real builds, trainings, scorings and sweeps ten times each at random moments, which takes minutes.
+Without `KILLS`, a toy shows that the test detects a command that resumes wrongly.
+"""
 
 import multiprocessing
+import os
 import shutil
+from pathlib import Path
 
+import kills as killing
 import pytest
+from kills import Stage, disks, files_below, fresh, kills, stages, undisturbed
 
-from benchmarks import interruptions
-from benchmarks.interruptions import Stage, disks, files_below, kills, undisturbed
 from hydroviews.errors import InputError
+from hydroviews.formats.writers import MODEL, write_colmap
+from leaderboard.contract.toy_scene import draw_room
 
+KILLS = int(os.environ.get("KILLS", "0"))
+PATTERNS = ("streak-0", "storm-0")  # drops on the lens take Blender minutes
+REPOSITORY = Path(__file__).parents[3]
 WORKER = """
 import pathlib, sys, time
 folder, right = pathlib.Path(sys.argv[1]), sys.argv[2] == "right"
@@ -34,7 +45,7 @@ def stage(tmp_path, monkeypatch):
     (tmp_path / "kill_worker.py").write_text(WORKER)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    monkeypatch.setattr(interruptions, "SERVER", multiprocessing.get_context("fork"))
+    monkeypatch.setattr(killing, "SERVER", multiprocessing.get_context("fork"))
     return lambda how: Stage("work", "whole", lambda folder: ["kill_worker", str(folder), how], files_below)
 
 
@@ -64,3 +75,13 @@ def test_locks_and_times_are_left_out(tmp_path):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(name)
     assert set(files_below(tmp_path, ("prediction.json",))) == {"a", "deep/.partial-b"}
+
+
+@pytest.mark.skipif(not KILLS, reason="KILLS=10 kills real commands ten times each")
+def test_real_commands_go_on_where_they_were_killed(tmp_path, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", f"{REPOSITORY}{os.pathsep}{REPOSITORY / 'tests/helpers'}")
+    killing.SERVER.set_forkserver_preload(killing.IMPORTED)
+    write_colmap(draw_room(fresh(tmp_path / "room") / "images"), tmp_path / "room" / MODEL)
+    for stage in stages(tmp_path, PATTERNS):
+        alone = undisturbed(stage, tmp_path / stage.result)
+        assert kills(stage, tmp_path / "trial", alone, KILLS, seed=0)["same bytes"] == KILLS, stage.name

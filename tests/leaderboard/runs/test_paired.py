@@ -116,8 +116,8 @@ def test_published_captures_are_read_by_name(tmp_path, published, prefixes):
         (picture,) = folder.glob(f"*/{view}.png")
         (folder / "images_8").mkdir(exist_ok=True)
         picture.rename(folder / "images_8" / f"{new}.png")
-    (folder / "rainy").rmdir()
-    (folder / "clean").rmdir()
+    shutil.rmtree(folder / "rainy")
+    shutil.rmtree(folder / "clean")
     name_cameras(folder, {view: [f"images/{new}.JPG"] for view, new in zip(NAMES, (*clutter, *extra), strict=True)})
     if published.startswith("onthego"):
         write_json(folder / "split.json", dict(zip(("clutter", "extra"), PARTS, strict=True)))

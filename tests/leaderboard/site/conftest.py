@@ -3,8 +3,8 @@
 import dataclasses
 
 import pytest
+from made_up_board import write_board as make_runs
 
-from benchmarks.site import write_board as make_runs
 from leaderboard.gather import write_leaderboard
 from leaderboard.publishing.board_pages import write_board
 from leaderboard.publishing.publish import publish

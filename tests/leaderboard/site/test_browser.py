@@ -131,7 +131,7 @@ def test_a_board_without_renders_opens_sorts_and_says_what_is_not_there(page, sh
     numbers = [float(text) for text in column(page, "psnr") if text]  # the failed run has none
     assert numbers == sorted(numbers, reverse=True)
     page.locator("#scenes a").first.click()
-    assert page.get_by_text("there is nothing to slide between").is_visible()
+    assert page.get_by_text("These runs have no pictures").is_visible()
     assert page.locator("img, input[type=range]").count() == 0
 
 

@@ -52,7 +52,7 @@ def test_the_page_of_the_scene_has_them(evaluated, tmp_path):
     write_site(collect(results), results, tmp_path / "data")
     (page,) = (results / "site" / "scenes").iterdir()
     text = page.read_text()
-    assert "What is before the scene" in text
+    assert "Rain and ignored pixels" in text
     assert text.count(f"<figcaption>{TRUTH}</figcaption>") == len(shown(tmp_path)["streak-0, seed 0"][TRUTH])
 
 

@@ -118,7 +118,7 @@ def test_runs_without_renders_have_pages_that_say_so(shipped):
             assert (path.parent / unquote(urlsplit(address).path)).resolve().is_relative_to(shipped)
             assert (path.parent / unquote(urlsplit(address).path)).exists()
         if path.parent.name == "scenes":
-            assert "No renders are kept here, so there is nothing to slide between." in "".join(page.text)
+            assert "These runs have no pictures." in "".join(page.text)
     index = found[shipped / "site" / "index.html"]
     assert "A page of tables each." in "".join(index.text)
     assert [a["class"] for a in index.all("ul")] == ["names"]
@@ -139,7 +139,7 @@ def test_the_course_of_a_training_is_drawn_where_it_is_known(written, copied):
     table = collect(copied)
     write_site(table, copied, copied / "no data")
     assert Page(page).all("svg") == []
-    assert "Course of the training" not in "".join(Page(page).text)
+    assert "Learning curve" not in "".join(Page(page).text)
 
 
 def test_names_run_no_script(pages):
@@ -334,7 +334,7 @@ def test_published_numbers_stand_beside_ours(pages):
     table = next(found for found in page.tables if found[0][-1][0] == "LPIPS (paper)")
     row = next(row for row in table if row[0][0] == "deraings")
     assert [text for text, _ in row[-3:]] == ["27.41", "0.877", "0.173"]
-    assert "are not of our runs" in "".join(page.text)
+    assert "are not our runs" in "".join(page.text)
 
 
 def test_pictures_are_written_once_and_what_is_gone_goes(copied):

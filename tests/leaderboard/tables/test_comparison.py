@@ -167,7 +167,10 @@ def test_means_ranks_and_ties():
     text = in_words(found, "suite test")
     assert text.startswith("suite test\n\n| rank | method | PSNR [95 %] | runs |")
     assert "| tie |" in text
-    assert "on 3 scenes, 72 views. Seeds a pattern that would tell the first two apart on these scenes: 1.\n" in text
+    assert (
+        "on 3 scenes, 72 views. Seeds per pattern that would separate the first two methods on these scenes: 1.\n"
+        in text
+    )
 
 
 def test_of_a_metric_where_low_is_good_the_low_one_is_first():

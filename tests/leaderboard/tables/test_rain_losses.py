@@ -21,7 +21,7 @@ from hydroviews.rain.lens.severity import drops_harm, veil_harm
 from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.scene_statistics import survey
 from hydroviews.rain.severity import wanted_harm
-from leaderboard.__main__ import card_command
+from leaderboard.__main__ import enter_losses
 from leaderboard.tables.rain_losses import numbers_for_grades, record_losses, rewrite_card
 
 
@@ -90,7 +90,7 @@ def test_no_leaderboard(built, tmp_path):
 def test_a_scene_without_runs_does_not_hold_up_the_others(built, tmp_path, capsys):
     build(capture_in(tmp_path / "capture" / "another"), built.parent, patterns=STREAKS)
     with pytest.raises(InputError, match="no pair of finished runs of 3dgs-clean and 3dgs on another"):
-        card_command(built.parent, results=results_in(tmp_path / "results", built))
+        enter_losses(built.parent, results_in(tmp_path / "results", built))
     assert "streak-2" in capsys.readouterr().out
     assert (built / "losses.csv").is_file()
 

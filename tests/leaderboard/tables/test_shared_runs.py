@@ -3,8 +3,8 @@
 import numpy as np
 import pandas as pd
 import pytest
+from made_up_board import write_board as make_runs
 
-from benchmarks.site import write_board as make_runs
 from leaderboard.__main__ import compare_command
 from leaderboard.gather import collect, collect_views, write_leaderboard
 from leaderboard.publishing.board_pages import comparisons_text

@@ -128,14 +128,14 @@ def test_the_markdown_shows_the_numbers_of_the_csv(written):
     found = pd.read_csv(written / "tables.csv").set_index(["scene", "effect", "method"])
     assert f"| 3dgs-clean | {found.psnr['room', 'raindrop', '3dgs-clean']:.2f} |" in text
     assert re.search(r"\| fewer \| <u>\d+\.\d\d</u> .*<u>5/6</u> \|", text)
-    assert "underlined: of a method that lacks runs" in text
+    assert "Underlined: the method lacks runs" in text
 
 
 def test_published_numbers_stand_in_columns_of_their_own_with_the_reason(written):
     text = (written / "tables.md").read_text()
     assert "| runs | PSNR (paper) | SSIM (paper) | LPIPS (paper) |" in text
     assert text.count("27.41 | 0.877 | 0.173 |") == 1  # DeRainGS on bonsai with drops, table 1
-    assert "are not of our runs and differ" in text
+    assert "are not our runs. They differ" in text
 
 
 def test_the_published_tables_are_whole():
@@ -253,7 +253,7 @@ def test_published_numbers_stand_beside_ours_in_latex_and_csv(written):
     own = 3 * methods.index("deraings")
     assert cells[own : own + 3] == ["27.41", "0.877", "0.173"]
     assert {*cells[:own], *cells[own + 3 :]} == {"--"}
-    assert "These are not of our runs" in (written / "tables.tex").read_text()
+    assert "They are not our runs" in (written / "tables.tex").read_text()
     found = pd.read_csv(written / "tables.csv").set_index(["scene", "effect", "method"])
     columns = ["paper_psnr", "paper_ssim", "paper_lpips"]
     known = found[columns].dropna()

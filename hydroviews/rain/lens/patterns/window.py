@@ -92,7 +92,7 @@ REVERSED = 0.2  # share of the patterns whose drops are bright above
 def draw_window(rng: np.random.Generator, grade: int) -> WindowPattern:
     """Draw the parameters of a pane in light, medium or heavy rain.
 
-    Distributions, and why, measured on the published pictures (docs/topics/window.md):
+    Distributions, and why, measured on the published pictures (docs/rain/lens.md):
 
     * Radii of beads are log-normal. The median is 0.3 % of the picture's width, 0.0035 sides. The 95 % quantile is 1 to
       1.5 %, which is a spread of 0.75 to 0.88. Light panes have hardly any beads of more than 1 %: the

@@ -57,6 +57,15 @@ def test_another_scene_comes_from_the_archive_that_is_there(mirror, tmp_path, mo
     assert len(mirror.asked) == 1
 
 
+def test_a_folder_of_the_users_where_a_capture_goes_stays(mirror, tmp_path):
+    mine = tmp_path / "tandt" / "train" / "notes.txt"
+    mine.parent.mkdir(parents=True)
+    mine.write_text("mine")
+    assert list(download_captures("train", tmp_path, f"{mirror.address}/data")) == [mine.parent]
+    assert [path.read_text() for path in mine.parent.iterdir()] == ["mine"]
+    assert mirror.asked == []
+
+
 def test_an_archive_put_there_by_hand_will_do(content, tmp_path):
     (tmp_path / "downloads").mkdir()
     (tmp_path / "downloads" / "tandt_db.zip").write_bytes(content)
@@ -122,7 +131,7 @@ def test_a_page_of_text_is_not_locked_in(mirror, content, tmp_path):
     archive = Archive("a.zip", (f"{mirror.address}/page",), 1)
     with pytest.raises(InputError, match="no zip or tar archive"):
         get_archive(archive, tmp_path / "a.zip")
-    assert not list(tmp_path.iterdir())
+    assert contents(tmp_path) == {}
     get_archive(replace(archive, urls=(*archive.urls, f"{mirror.address}/data/tandt_db.zip")), tmp_path / "a.zip")
 
 

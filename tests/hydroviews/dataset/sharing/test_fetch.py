@@ -16,6 +16,7 @@ from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
 from hydroviews.files import http_download
+from hydroviews.files.ownership import LISTS, left_by_others
 
 
 @pytest.fixture(autouse=True)
@@ -39,7 +40,8 @@ def visible(data):
 
 
 def files_of(folder):
-    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+    paths = [path for path in folder.rglob("*") if path.is_file() and path.name not in LISTS]
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
 
 
 def test_one_variant_in_an_empty_folder_is_a_data_set(shared, tmp_path):
@@ -63,6 +65,7 @@ def test_variants_fetched_one_by_one_are_the_scene_that_was_built(shared, tmp_pa
         fetch(str(path), data)
     assert verify(data, every_view=True) == []
     built, fetched = files_of(shared.built), files_of(data / "yard")
+    assert left_by_others(data / "yard") == []
     only_fetched = {"licence/licence.json"} & (fetched.keys() - built.keys())
     assert fetched.keys() - only_fetched == {name for name in built if "/." not in f"/{name}"}
     differing = {name for name in fetched.keys() & built.keys() if fetched[name] != built[name]}

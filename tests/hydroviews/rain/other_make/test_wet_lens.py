@@ -187,14 +187,6 @@ def test_drops_stay_or_drift_as_key_frames_say(statistics):
     assert [len(set(covers(count))) for count in (1, 2, 0)] == [1, 2, len(statistics.views)]
 
 
-def test_one_view(statistics):
-    alone = replace(statistics, views=statistics.views[:1])
-    drawn = EFFECT.draw(Pattern("raindrop-b", 1), alone)
-    view = alone.views[0]
-    ready = EFFECT.place(drawn, Pattern("raindrop-b", 1), alone).prepare(view.camera, view.path.parent)
-    assert ready.layers(view.image(), view)["D"].max() > 0
-
-
 def test_the_rainy_view_is_the_equation_in_encoded_values(statistics):
     """Drops and mist over the view, written out in float64; where there is neither, nothing changes."""
     rain, view = WetLens(replace(PATTERN, mist_contrast=1.0), statistics), statistics.views[1]
@@ -209,17 +201,6 @@ def test_the_rainy_view_is_the_equation_in_encoded_values(statistics):
     expected = clean + mist * (colour - clean)
     np.testing.assert_allclose(rainy[dry], expected[dry], atol=2e-3)
     np.testing.assert_allclose(rainy[(layers["D"] == 0) & (layers["F"] == 0)], clean[dry & (mist[..., 0] == 0)])
-
-
-def test_the_same_seed_draws_the_same_pixels(statistics):
-    def drawn(seed):
-        seeded = replace(statistics, seed=seed)
-        rain = EFFECT.place(EFFECT.draw(Pattern("raindrop-b", 2), seeded), Pattern("raindrop-b", 2), seeded)
-        view = seeded.views[4]
-        layers = rain.prepare(view.camera, view.path.parent).layers(view.image(), view)
-        return b"".join(plane.tobytes() for plane in layers.values())
-
-    assert drawn(0) == drawn(0) != drawn(1)
 
 
 def test_grades_are_harder_in_order(statistics):

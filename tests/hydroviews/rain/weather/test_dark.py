@@ -7,10 +7,9 @@ from scipy.stats import kstest
 
 from hydroviews.rain.effect import fall
 from hydroviews.rain.patterns import Pattern
-from hydroviews.rain.scene_statistics import Light
 from hydroviews.rain.severity import wanted_harm
 from hydroviews.rain.weather import reference
-from hydroviews.rain.weather.dark import AmbientPattern, Dark, DarkPattern, darken, draw_ambient
+from hydroviews.rain.weather.dark import AmbientPattern, Dark, DarkPattern, darken
 from hydroviews.rain.weather.noise import PLANES, NoisePattern, add_noise, standard_normal
 from hydroviews.rain.weather.severity import LOSS
 from hydroviews.scene.images import to_uint8
@@ -62,17 +61,6 @@ def test_darkness_to_nothing_is_black(yard, clean):
     assert 0 < noisy.max() < 0.1  # what is read in the dark
 
 
-@pytest.mark.parametrize("value", [0.0, 1.0])
-def test_black_and_saturated_scenes(yard, value):
-    samples = tuple(np.full_like(sample, value) for sample in yard.samples)
-    flat = replace(yard, samples=samples, detail=0.0, light=Light((value,) * 3, (value,) * 3))
-    drawn = Dark().draw(PATTERN, flat)
-    rainy, layers = taken(drawn, samples[0], flat)
-    assert np.isfinite(rainy).all()
-    assert all(np.isfinite(plane).all() for plane in layers.values())
-    assert 0 <= rainy.min() <= rainy.max() <= 1
-
-
 def test_noise_is_the_seeds_and_another_in_every_view(yard, clean):
     layers = [taken(DarkPattern(AMBIENT, NOISE), clean, yard, view)[1] for view in (0, 0, 1)]
     other = taken(DarkPattern(AMBIENT, NOISE), clean, replace(yard, seed=1))[1]
@@ -102,12 +90,6 @@ def test_a_grade_does_its_harm(yard, index):
     pairs = [(taken(replace(drawn, noise=SILENT), sample, yard)[0], sample) for sample in yard.samples]
     found = np.mean([np.mean((rainy - sample) ** 2) for rainy, sample in pairs])
     assert found == pytest.approx(wanted_harm(LOSS["dark"][pattern.grade], yard), rel=0.02)
-
-
-def test_what_is_drawn_depends_on_the_seed_alone(yard):
-    assert Dark().draw(PATTERN, yard) == Dark().draw(PATTERN, yard)
-    assert Dark().draw(PATTERN, yard) != Dark().draw(PATTERN, replace(yard, seed=1))
-    assert draw_ambient(np.random.default_rng(0), Light((0, 0, 0), (0, 0, 0))).pivot > 0
 
 
 def test_what_cards_say(yard):

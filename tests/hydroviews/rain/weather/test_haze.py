@@ -12,7 +12,7 @@ from hydroviews.rain.severity import wanted_harm
 from hydroviews.rain.weather import haze, reference
 from hydroviews.rain.weather.haze import DEEPEST, RANGE, Haze, HazePattern
 from hydroviews.scene.depth import depth_path, write_depth
-from hydroviews.scene.images import to_linear, to_uint8
+from hydroviews.scene.images import to_uint8
 from hydroviews.scene.scenes import View, no_points
 
 PATTERN = Pattern("haze", 1)
@@ -129,21 +129,3 @@ def test_a_heavier_grade_has_more_haze_and_the_same_seed_the_same(yard):
     assert 0 < drawn[0] < drawn[1] < drawn[2]
     assert Haze().draw(PATTERN, yard) == Haze().draw(PATTERN, yard)
     assert Haze().draw(PATTERN, yard) != Haze().draw(PATTERN, replace(yard, seed=1))
-
-
-def test_one_view(yard):
-    alone = replace(yard, views=yard.views[:1], samples=yard.samples[:1])
-    assert Haze().draw(PATTERN, alone).extinction > 0
-
-
-@pytest.mark.parametrize("value", [0.0, 0.5, 1.0])
-def test_a_scene_of_one_colour(yard, value):
-    """There is no detail, so that no harm is wanted, and nothing may divide by it."""
-    flat = tuple(np.full_like(sample, value) for sample in yard.samples)
-    light = float(to_linear(np.float32([value]))[0])
-    even = replace(yard, samples=flat, detail=0.0, light=replace(yard.light, mean=(light,) * 3, air=(light,) * 3))
-    drawn = Haze().draw(PATTERN, even)
-    assert 0 < drawn.extinction < np.inf
-    rainy = seen(drawn.extinction, yard.views[0], even, grey(yard.views[0], value))
-    assert np.abs(rainy - value).max() <= 0.05
-    assert np.isfinite(rainy).all()

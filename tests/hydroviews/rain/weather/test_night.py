@@ -135,13 +135,6 @@ def test_by_day_lamps_do_nothing(yard, ahead):
     assert np.abs(day - picture).max() < 1e-6
 
 
-def test_a_black_picture(yard, ahead):
-    wall(ahead, 2.5)
-    night, layers = lit(EVENING, np.zeros((30, 40, 3), np.float32), ahead, yard)
-    assert np.isfinite(night).all()
-    assert all(np.isfinite(plane).all() and plane.min() >= 0 for plane in layers.values())
-
-
 @pytest.mark.parametrize("index", [0, 1, 2])
 def test_a_grade_does_its_harm(yard, index):
     yard = replace(yard, metres_per_unit=5.0)  # so small a scene is all lit by its lamps

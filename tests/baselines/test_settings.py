@@ -1,0 +1,41 @@
+"""Settings with which no method could train are refused when they are made."""
+
+import pytest
+
+from baselines.cr_nerf.config import CrNerfConfig, StyleConfig, TransformConfig, TransientConfig
+from baselines.distractors.mask_network import MaskNetworkConfig
+from baselines.distractors.trimming import TrimConfig
+from baselines.gs_w.config import ReferenceConfig
+from baselines.ha_nerf.config import LookConfig
+from baselines.nimbus.config import MediumConfig, ResidualConfig
+from baselines.occ_nerf.config import OccNerfConfig
+from baselines.splatting.config import TrainerConfig
+from baselines.volumetric.config import MlpFieldConfig
+from baselines.volumetric.masking import PriceConfig
+from baselines.wild_gs.config import LookConfig as WildLookConfig
+
+WRONG = {
+    CrNerfConfig: [{"transform": TransformConfig(size=65)}],
+    StyleConfig: [{"mean_share": 1.5}, {"channels": (4, 4)}, {"side": 7}],
+    TransientConfig: [{"dilations": (1, 0)}, {"dilations": (1, 4), "side": 9}, {"at_first": 1.0}],
+    MaskNetworkConfig: [{"lower": 0.9}, {"lower": 0}, {"upper": 1.2}, {"prior": 1}],
+    TrimConfig: [{"inlier_share": 0}, {"inlier_share": 1.1}, {"memory": 1}, {"fade_in": 0}],
+    ReferenceConfig: [{"maps": 0}, {"visible_price": 0}],
+    LookConfig: [{"mean_share": 1.5}, {"channels": (4,)}, {"channels": (4, 4, 4, 4), "side": 7}],
+    MediumConfig: [{"cells": 1}, {"clear": 0}, {"judged": 2}, {"first": 0.5}, {"samples": 0}, {"variation": -1}],
+    ResidualConfig: [{"threshold": 0}, {"first": 2}, {"every": -1}, {"most": 0}],
+    OccNerfConfig: [{"gap": 0.0}, {"gap": 1.0}, {"alone": 1.0}, {"alone": -0.1}, {"background": MlpFieldConfig()}],
+    TrainerConfig: [
+        *({"dense_start": share} for share in (-0.1, 1.5)),
+        *({"resolutions": steps} for steps in (((0.6, 4), (0.6, 2)), ((0.0, 2),), ((0.5, 0),))),
+    ],
+    PriceConfig: [{"at_first": 0.0}, {"price": 0.0}, {"price": 0.1}, {"typical": "mode"}],
+    WildLookConfig: [{"side": 30}, {"box": 0.0}, {"rate_planes": 0.0}, {"code": 0}, {"absent": 1.0}, {"shrink": 0}],
+}
+
+
+@pytest.mark.parametrize(("settings", "changes"), [(kind, changes) for kind in WRONG for changes in WRONG[kind]])
+def test_settings_that_make_no_sense_are_refused(settings, changes):
+    settings()
+    with pytest.raises(ValueError, match=r"expected|must be|at_first|price|matrices|shares"):
+        settings(**changes)

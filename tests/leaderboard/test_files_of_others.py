@@ -1,0 +1,167 @@
+"""No command removes or overwrites a file of somebody else's: each is tried with such files wherever it writes."""
+
+import re
+import shutil
+from collections.abc import Callable
+from contextlib import suppress
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+from finished_runs import finished_run
+from made_up_board import write_board
+
+from baselines.rendering.film import FilmChoice, write_film
+from hydroviews.__main__ import build_command, fetch_command, pack_command, sheet_command, video_command
+from hydroviews.errors import InputError
+from hydroviews.scene.images import write_png
+from leaderboard.__main__ import (
+    board_command,
+    check_command,
+    export_command,
+    film_command,
+    publish_command,
+    site_command,
+    sweep_command,
+    table_command,
+)
+from leaderboard.contract import check as contract
+from leaderboard.runs.run import Run
+from leaderboard.sweep import sweep as sweeps
+from leaderboard.sweep.sweep import SweepRequest
+
+REPOSITORY = Path(__file__).parents[2]
+RUN = "results/demo/finished_runs.Cloud/yard/streak-0/seed-0"
+CLOUD = "finished_runs:Cloud"
+ATTENTION = "baselines.derain_nerf.raindrop_attention"
+PROGRAMS = ("hydroviews", "leaderboard", "deraings", "deraings.enhancement", ATTENTION)
+
+# Each command in a folder that has what `made` made; it writes below that folder.
+TRIED: dict[str, Callable[[Path], object]] = {
+    "hydroviews build": lambda f: build_command(str(f / "yard"), out=f / "built", patterns=("streak-0",)),
+    "hydroviews sheet": lambda f: sheet_command(f / "data/demo", out=f / "sheets"),
+    "hydroviews pack": lambda f: pack_command(f / "data/demo", f / "packed", i_have_the_rights="CC0-1.0"),
+    "hydroviews fetch": lambda f: fetch_command(str(f / "archives/yard-streak-0.zip"), f / "fetched"),
+    "hydroviews video": lambda f: video_command(f / "walk.mp4", f / "walk", rate=2.0, frames_only=True),
+    "leaderboard sweep": lambda f: sweep_command(
+        SweepRequest(methods=("3dgs",), results=f / "swept", slurm=f / "swept/jobs.sh")
+    ),
+    "leaderboard check": lambda f: check_command("3dgs", json=f / "checked.json"),
+    "leaderboard table": lambda f: table_command(f / "scored"),
+    "leaderboard site": lambda f: site_command(f / "scored", f / "nowhere"),
+    "leaderboard publish": lambda f: publish_command(f / "scored", f / "board"),
+    "leaderboard board": lambda f: board_command(f / "published", f / "shown"),
+    "leaderboard film": lambda f: film_command(f / RUN, FilmChoice(0.2, 10, 16), f / "film.mp4", f / "data"),
+    "leaderboard export": lambda f: export_command(f / RUN, f / "splats.ply"),
+}
+
+# Commands that take long or share a function, by the test that tries them so.
+ELSEWHERE = {
+    "leaderboard/test_evaluate.py test_files_of_the_users_in_the_folders_of_runs_stay": {
+        "leaderboard evaluate",
+        "leaderboard score",
+    },
+    "deraings/enhancement/test_commands.py test_files_of_the_users_where_networks_are_trained_stay": {
+        "deraings.enhancement train",
+        "deraings.enhancement export",
+        "deraings.enhancement validate",
+        f"{ATTENTION} train",
+        f"{ATTENTION} export",
+    },
+    "hydroviews/captures/test_poses.py test_photographs_and_a_database_of_the_users_in_the_folder_of_results_stay": {
+        "hydroviews poses"
+    },
+    "hydroviews/captures/download/test_captures.py test_a_folder_of_the_users_where_a_capture_goes_stays": {
+        "hydroviews download"
+    },
+    "hydroviews/files/test_settings_guard.py test_files_of_unknown_origin_are_never_removed": {
+        "leaderboard submit",
+        "deraings reconstruct",
+    },
+    "hydroviews/captures/test_single_pictures.py test_pictures_of_the_users_are_not_written_over_by_enhanced_ones": {
+        "deraings.enhancement enhance"
+    },
+    "hydroviews/files/test_ownership.py test_loose_outputs_are_known_again_and_others_refused": {f"{ATTENTION} detect"},
+}
+
+READING = {
+    "hydroviews scenes",
+    "hydroviews verify",
+    "leaderboard methods",
+    "leaderboard compare",
+    "leaderboard view",
+    "deraings.enhancement describe",
+    f"{ATTENTION} validate",
+}
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A built capture and a run on it, packed; scored runs, published; a film."""
+    folder = tmp_path_factory.mktemp("made")
+    finished_run(folder)
+    pack_command(folder / "data/demo", folder / "archives", i_have_the_rights="CC0-1.0")
+    write_board(folder / "scored", ("3dgs", "3dgs-clean"), ("pond",), ("streak-1",), size=(16, 16))
+    publish_command(folder / "scored", folder / "published")
+    rng = np.random.default_rng(0)
+    for index in range(8):
+        write_png(folder / "frames" / f"{index:05d}.png", rng.integers(0, 256, (32, 48, 3)).astype(np.uint8))
+    write_film(folder / "walk.mp4", folder / "frames", 8, 2)
+    return folder
+
+
+@pytest.fixture
+def given(made, tmp_path, monkeypatch):
+    """Makes a copy of that under a name."""
+    monkeypatch.setattr(contract, "run_checks", lambda *_: [])
+    monkeypatch.setattr(
+        sweeps, "build_runs", lambda *_: [Run("3dgs", "demo", 0, Path(), "yard", "clean", tmp_path / "r")]
+    )
+    return lambda name: Path(shutil.copytree(made, tmp_path / name, symlinks=True))
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    """All that is not hidden."""
+    paths = [path for path in folder.rglob("*") if path.is_file() and not path.is_symlink()]
+    names = {path.relative_to(folder).as_posix(): path for path in paths}
+    return {name: path.read_bytes() for name, path in names.items() if not re.search(r"(^|/)\.", name)}
+
+
+@pytest.mark.parametrize("command", TRIED)
+def test_nothing_of_the_users_is_lost(command, given):
+    before = given("inputs")
+    there = files(before)
+    TRIED[command](before)
+    written = files(before).keys() - there.keys()
+    assert written
+    TRIED[command](before)  # what it wrote itself is no obstacle
+    assert not [name for name in files(before) if name.endswith(".kept")]
+
+    folder = given("mine")
+    mine = {}
+    for name in sorted(written):
+        for path in (folder / name, (folder / name).with_name("notes.txt")):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(f"mine: {path.relative_to(folder)}")
+            mine[str(path.relative_to(folder))] = path.read_bytes()
+    with suppress(InputError):
+        TRIED[command](folder)
+    lost = {name for name, content in mine.items() if content not in files(folder).values()}
+    assert lost == set()
+
+
+def registered(monkeypatch, program: str) -> set[str]:
+    module = import_module(f"{program}.__main__")
+    found: list[dict[str, object]] = []
+    monkeypatch.setattr(module, "run_command", lambda commands, **_: found.append(commands))
+    module.main()
+    return {f"{program} {name}" for name in found[0]}
+
+
+def test_every_command_is_tried(monkeypatch):
+    commands = {command for program in PROGRAMS for command in registered(monkeypatch, program)}
+    assert commands == TRIED.keys() | READING | set().union(*ELSEWHERE.values())
+    for test in ELSEWHERE:
+        path, name = test.split()
+        assert f"def {name}(" in (REPOSITORY / "tests" / path).read_text(), test
