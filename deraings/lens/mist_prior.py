@@ -44,6 +44,7 @@ class MistPrior(NamedTuple):
     deviation: NDArray[np.float32]
     paleness: Paleness | None  # what scene points show
     exists: bool  # whether there is any mist on the lens: the prior is that of mist where there is some
+    removed: NDArray[np.float32]  # the most that the network takes away of mist_alpha; 0 where it predicts none
 
 
 def mist_prior(
@@ -69,8 +70,11 @@ def mist_prior(
     if len(known) == len(possible):
         sources.append((np.stack([mean for mean, _ in known]), np.stack([deviation for _, deviation in known])))
     mean, deviation = weighed_mean(sources)
-    light = float(np.median([mean for source in predicted if source is not None for mean in source[0]] or [np.nan]))
-    return MistPrior(np.minimum(mean, bounds.max_alpha), deviation, paleness, mist_exists(light, paleness))
+    light = float(np.median([mean for mean, _ in known])) if known else float("nan")
+    removed = np.stack(
+        [np.zeros_like(possible[0]) if source is None else source[0] + source[1] for source in predicted]
+    )
+    return MistPrior(np.minimum(mean, bounds.max_alpha), deviation, paleness, mist_exists(light, paleness), removed)
 
 
 def mist_exists(predicted: float, paleness: Paleness | None) -> bool:

@@ -12,12 +12,13 @@ and a its light; M is drop_alpha of every pixel of the lens, C the mean light ar
 The scene and the layers minimise one objective, over views v and pixels x, with the photographs I:
 
     sum (1 - r) rho(I - O)                          the photograph, through the rain
-    + lambda(t) c sum (1 - r) rho(E - B) / s        the enhanced photograph E, weighed by its expected error s
+    + lambda(t) c sum (1 - r) rho(E - B_left) / s   the enhanced photograph E, weighed by its expected error s
     + prior(V) + priors of a                        what photographs cannot tell
 
     r = P(a drop hides the pixel | network, lens, residual)
 
-rho is the photometric loss (L1 and SSIM). lambda falls from 1 to 0; c is the share of what the network changes in a
+rho is the photometric loss (L1 and SSIM). B_left is B through the mist that E still has: what V exceeds the mist that
+the network takes away, its error included. lambda falls from 1 to 0; c is the share of what the network changes in a
 photograph that is not its own error. One term is drawn in each step. M, L, S and D follow in closed form from running
 means over photographs and renders. A network predicts E, s, the covers in r and a part of prior(V); without a network
 the other sources are left.

@@ -23,7 +23,7 @@ class MistConfig:
 
     rate: float = 1e-2
     colour_rate: float = 1e-3
-    prior: float = 3e-5
+    prior: float = 3e-4
     roughness: float = 0.01
     brightness: float = 0.1
     tint: float = 0.003

@@ -87,17 +87,24 @@ class Mist:
 
     def alpha(self, view: int, size: tuple[int, int]) -> Plane:
         """mist_alpha [H, W] of a training view at (height, width)."""
-        return np.square(self.root(view, size))
-
-    def root(self, view: int, size: tuple[int, int]) -> Plane:
-        """sqrt(mist_alpha) [H, W] of a view."""
-        rows, columns = _spreading(size, self.roots)
-        return rows @ self.knots(view) @ columns.T
+        return np.square(self.spread(self.knots(view), size))
 
     def knots(self, view: int) -> NDArray[np.float32]:
-        """The same at its knots [h, w]."""
-        knots: NDArray[np.float32] = np.tensordot(time_weights(view, self._n_views, len(self.roots)), self.roots, 1)
-        return knots
+        """sqrt(mist_alpha) at the knots [h, w] at the time of a view."""
+        return self._at_time(view, self.roots)
+
+    def left_knots(self, view: int) -> NDArray[np.float32]:
+        """The same of the mist that the network leaves in the enhanced photograph of a view.
+
+        1 - mist_alpha = (1 - removed) (1 - left): of two layers of mist, the network takes the second one away.
+        """
+        removed = np.minimum(self._at_time(view, self.prior.removed), MOST_ALPHA)
+        return np.sqrt(np.maximum(np.square(self.knots(view)) - removed, 0) / (1 - removed))
+
+    def spread(self, knots: NDArray[np.float32], size: tuple[int, int]) -> Plane:
+        """Values at knots [h, w], at every pixel [H, W] of a view of (height, width)."""
+        rows, columns = _spreading(size, self.roots)
+        return rows @ knots @ columns.T
 
     def forward(self, image: Image, root: Plane, out: Image) -> Image:
         """A view [H, W, 3] as it is seen through the mist of its `root`, written to `out`."""
@@ -154,6 +161,11 @@ class Mist:
         self._step("colour", self.colour, gradient.colour, config.colour_rate * decay)
         np.clip(self.roots, 0, self._most, out=self.roots)
         np.clip(self.colour, 0, 1, out=self.colour)
+
+    def _at_time(self, view: int, values: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Values [h, w] at the time of a view, of those at the knots [T, h, w]."""
+        at_time: NDArray[np.float32] = np.tensordot(time_weights(view, self._n_views, len(values)), values, 1)
+        return at_time
 
     def state_dict(self) -> dict[str, NDArray]:
         """All that is learned, for checkpoints."""

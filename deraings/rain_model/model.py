@@ -120,7 +120,7 @@ class RainModel:
             rained = self.rainfall.forward(scene_image, rain_alpha, buffers.array("rained", scene_image.shape))
         misted, mist_root = rained, None
         if self.mist and self.counts(MIST, iteration) and without != MIST:
-            mist_root = self.mist.root(view, size)
+            mist_root = self.mist.spread(self.mist.knots(view), size)
             misted = self.mist.forward(rained, mist_root, buffers.array("misted", scene_image.shape))
         image, drops = misted, None
         if self.drops and self.counts(DROPS, iteration) and without != DROPS:
@@ -154,6 +154,17 @@ class RainModel:
             by_rained = buffers.array("g_rained", gradient.shape)
             gradient = self.rainfall.backward(gradient, seen.rain_alpha, by_rained)
         return gradient, by_mist
+
+    def forward_enhanced(self, scene_image: Image, view: int, iteration: int, buffers: BufferPool) -> Seen:
+        """A rendered view [H, W, 3] through the rain that the network leaves in the enhanced photograph.
+
+        That is the mist beyond what the network surely takes away; see `Mist.left_knots`. Arguments as of `forward`.
+        """
+        misted, mist_root = scene_image, None
+        if self.mist and self.counts(MIST, iteration):
+            mist_root = self.mist.spread(self.mist.left_knots(view), (scene_image.shape[0], scene_image.shape[1]))
+            misted = self.mist.forward(scene_image, mist_root, buffers.array("misted", scene_image.shape))
+        return Seen(misted, misted, scene_image, scene_image, None, mist_root, None, view, iteration)
 
     def update(self, seen: Seen, observed: Observation, by_mist: MistGradient | None, buffers: BufferPool) -> None:
         """Learn of the rain from a view: mist by its gradient, all else from photograph and render."""

@@ -89,7 +89,10 @@ class RainObjective(Objective):
         if self.enhanced and self.enhanced.due(view, iteration):
             enhanced, certain = self.enhanced.target(view, size)
             self.model.update(seen, observed, None, buffers)
-            return photometric_loss(image, enhanced, self.lambda_dssim, product(weights, certain), buffers)
+            left = self.model.forward_enhanced(image, view, iteration, buffers)
+            weights = product(weights, certain)
+            loss, gradient = photometric_loss(left.image, enhanced, self.lambda_dssim, weights, buffers)
+            return loss, self.model.backward(left, gradient, observed, buffers)[0]
         loss, gradient = photometric_loss(seen.image, target, self.lambda_dssim, weights, buffers)
         by_scene, by_mist = self.model.backward(seen, gradient, observed, buffers)
         self.model.update(seen, observed, by_mist, buffers)
@@ -109,7 +112,8 @@ class RainObjective(Objective):
         if self.enhanced and self.enhanced.due(view, iteration):
             enhanced, certain = self.enhanced.target(view, size)
             learn = partial(self._on_gpu.update, seen._replace(mist=None), target, weights, buffers)
-            return OnGPU(render, product(weights, None if certain is None else sent(certain)), enhanced, learn=learn)
+            left = self._on_gpu.forward_enhanced(render, view, iteration)
+            return OnGPU(left, product(weights, None if certain is None else sent(certain)), enhanced, learn=learn)
         return OnGPU(seen.image, weights, learn=partial(self._on_gpu.update, seen, target, weights, buffers))
 
     def residual(self, image: Image, view: int, buffers: BufferPool) -> float:

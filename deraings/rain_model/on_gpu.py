@@ -77,7 +77,7 @@ class RainOnGPU:
             seen = behind_rain(seen, alpha, model.rainfall.brightness)
         rained = seen
         if model.mist and model.counts(MIST, iteration):
-            mist = self._mist(model.mist, view, size)
+            mist = self._mist(model.mist, model.mist.knots(view), size)
             seen = behind_mist(seen, mist)
         without_drops = seen
         if model.drops and model.counts(DROPS, iteration):
@@ -85,6 +85,14 @@ class RainOnGPU:
             layer = model.drops.layer(view, lens if _within(lens, size) else size)
             seen, drop_alpha = behind_drops(seen, self._surroundings(seen.detach()), layer)
         return SeenOnGPU(seen, without_drops, rained, scene_image, mist, drop_alpha, view, iteration)
+
+    def forward_enhanced(self, scene_image: Tensor, view: int, iteration: int) -> Tensor:
+        """A rendered view [H, W, 3] through what the network leaves of the rain; see `RainModel.forward_enhanced`."""
+        mist = self._model.mist
+        if mist is None or not self._model.counts(MIST, iteration):
+            return scene_image
+        size = scene_image.shape[0], scene_image.shape[1]
+        return behind_mist(scene_image, self._mist(mist, mist.left_knots(view), size))
 
     def update(
         self,
@@ -122,7 +130,7 @@ class RainOnGPU:
 
     def _mist_with_gradient(self, mist: Mist, seen: SeenOnGPU, gradient: Tensor) -> MistOnGPU:
         """The mist with gradients of another loss, of which `gradient` [H, W, 3] is that by the view behind mist."""
-        again = self._mist(mist, seen.view, seen.size)
+        again = self._mist(mist, mist.knots(seen.view), seen.size)
         torch.autograd.backward(behind_mist(seen.rained.detach(), again), gradient)
         return again
 
@@ -158,9 +166,9 @@ class RainOnGPU:
         around = self._averaged(image, within_side(size, CELLS), averaging_around)
         return enlarged(around.permute(2, 0, 1), size).permute(1, 2, 0)
 
-    def _mist(self, mist: Mist, view: int, size: Size) -> MistOnGPU:
-        """The mist of a view of (height, width)."""
-        knots, colour = (sent(values.copy()).requires_grad_() for values in (mist.knots(view), mist.colour))
+    def _mist(self, mist: Mist, at_knots: NDArray[np.float32], size: Size) -> MistOnGPU:
+        """The mist of a view of (height, width), of which sqrt(mist_alpha) is known at the knots [h, w]."""
+        knots, colour = (sent(values.copy()).requires_grad_() for values in (at_knots, mist.colour))
         rows, columns = (self._matrix(spreading, pixels, n) for pixels, n in zip(size, knots.shape, strict=True))
         return MistOnGPU(knots, colour, (rows @ knots @ columns.T).square())
 

@@ -7,6 +7,7 @@ from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import photometric_loss, prepare_target
 from deraings.lens.mist_prior import NetworkMist
 from deraings.rain_model.config import MistConfig
+from deraings.rain_model.kernels import add_mist
 from deraings.rain_model.mist import (
     FINAL_RATE,
     MOST_ALPHA,
@@ -39,7 +40,7 @@ def learn(scene, photographs, config=None, steps=STEPS, **sources):
     targets = [prepare_target(picture) for picture in pictures]
     for step in range(steps):
         view = step % len(scene)
-        root = mist.root(view, SIZE)
+        root = mist.spread(mist.knots(view), SIZE)
         seen = mist.forward(scene[view], root, buffers.array("misted", scene[view].shape))
         _, gradient = photometric_loss(seen, targets[view], buffers=buffers)
         _, by_mist = mist.backward(scene[view], seen, root, view, gradient, gradient, buffers)
@@ -80,6 +81,18 @@ def test_the_prior_pulls_even_mist_of_which_photographs_show_nothing(scene, star
     for step in range(STEPS):
         mist.update(mist.with_priors(step % COUNT, np.zeros_like(mist.knots(0)), np.zeros(3, np.float32)), step)
     assert np.square(mist.roots) == pytest.approx(0.15, abs=0.03)
+
+
+def test_what_a_network_leaves_of_the_mist_and_what_it_takes_away_are_all_of_the_mist(scene, pictures):
+    mist = Mist(pictures, STEPS, MistConfig())
+    mist.roots[:] = np.sqrt(0.3)
+    seen = mist.forward(scene[0], mist.spread(mist.knots(0), SIZE), np.empty_like(scene[0]))
+    mist.prior = mist.prior._replace(removed=np.full_like(mist.roots, 0.1))
+    left = mist.forward(scene[0], mist.spread(mist.left_knots(0), SIZE), np.empty_like(scene[0]))
+    both = add_mist(left, np.full(SIZE, 0.1, np.float32), mist.colour, np.empty_like(left))
+    assert both == pytest.approx(seen, abs=1e-4)
+    mist.prior = mist.prior._replace(removed=np.full_like(mist.roots, 0.4))
+    assert not mist.left_knots(0).any()
 
 
 def prior_pull(mist, away):

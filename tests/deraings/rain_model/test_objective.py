@@ -9,6 +9,7 @@ from pretended_network import PretendedNetwork
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.objective import Objective
 from baselines.training.images import TrainingImages
+from deraings.lens.mist_prior import NetworkMist
 from deraings.masks.config import MaskConfig
 from deraings.masks.occlusion_masks import OcclusionMasks
 from deraings.rain_model.config import DropsConfig, RainConfig
@@ -228,9 +229,11 @@ def test_what_is_hidden_and_what_is_broken_are_told_apart():
 
 
 def test_a_step_with_the_enhanced_photograph_compares_it_with_the_scene_as_it_is():
+    """The network takes all mist away."""
     scene = scene_of(8)
     photographs = panorama.misted(scene, panorama.slanted_mist(0.4), np.float32([0.6, 0.65, 0.7]))
-    network = PretendedNetwork(scene, change=lambda _: 1.0)
+    light = np.full((16, 16), 0.6, np.float32)
+    network = PretendedNetwork(scene, mist=NetworkMist(light, light), change=lambda _: 1.0)
     config = replace(NOTHING, mist=RainConfig().mist, drops=DropsConfig(every=1), enhanced=0.6)
     objective, plain = objective_of(photographs, config, network=network), Objective(network.training_images())
     seen = []
@@ -251,6 +254,22 @@ def test_a_step_with_the_enhanced_photograph_compares_it_with_the_scene_as_it_is
     assert 0.3 < np.mean(seen[:36]) < 0.7
     assert not any(seen[36:])
     assert objective.report()["enhanced"] == 1
+
+
+def test_mist_that_the_network_leaves_in_enhanced_photographs_is_seen_there():
+    """The network predicts no mist, and its pictures are as misty as the photographs."""
+    scene = scene_of(8)
+    mist = panorama.slanted_mist(0.4)
+    photographs = panorama.misted(scene, mist, np.float32([0.6, 0.65, 0.7]))
+    config = replace(NOTHING, mist=RainConfig().mist, enhanced=0.6)
+    objective = objective_of(photographs, config, network=PretendedNetwork(photographs, change=lambda _: 1.0))
+    objective.model.mist.roots[:] = np.sqrt(0.3)
+    step = next(step for step in range(STEPS) if objective.enhanced.due(0, step))
+    misty, by_misty = objective(scene[0], 0, step, BufferPool())
+    objective.model.off = {"mist"}
+    clear, by_clear = objective(scene[0], 0, step, BufferPool())
+    assert misty < 0.8 * clear
+    assert np.abs(by_misty).mean() < np.abs(by_clear).mean()
 
 
 def test_pixels_of_enhanced_photographs_weigh_the_less_the_larger_their_expected_error_is():
