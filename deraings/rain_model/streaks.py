@@ -8,7 +8,8 @@ to either side, in every pixel. A view's rain_alpha is therefore S and a deviati
 and where the scene is known well the difference of photograph and render is (beta - B) D and the scene's fine detail
 that is not learned yet. Rain is long along one direction, so that its power lies in a wedge of frequencies across it;
 what a scene leaves is much alike in all directions. What the wedge holds beyond the usual of the other directions is
-rain, and D is that part of the difference: a Wiener filter, whose power spectra are means over the views.
+rain, and D is that part of the difference: a Wiener filter, whose power spectra are means over the views. If a network
+predicts streaks from each photograph, D begins with them, and the filter looks for what they leave.
 
 A training of a few thousand iterations learns streaks one by one, each from its view. So D is taken soon after it is
 sure that it rains, as the mean over a few visits of a view, and kept; and taken anew, twice, when the scene is known
@@ -65,17 +66,18 @@ class SingleStreaks:
             contrast: of rain and scene [H, W], both as of `along_rain`; where nothing is to be found both are 0.
             angle: of the streaks, degrees counter-clockwise from +x.
             view: index of the view.
-            prior: D [H, W] by other means, which counts as much.
+            prior: D [H, W] by other means; what it leaves of the difference is filtered.
         """
         size = self._small[view]
-        spectrum = fft.rfft2(resized(difference, size), self._canvas)
+        difference, contrast = resized(difference, size), resized(contrast, size)
+        known = np.zeros(size, np.float32) if prior is None else resized(prior, size)
+        spectrum = fft.rfft2(difference - contrast * known, self._canvas)
         spectrum[0, 0] = 0  # the mean belongs to S
         if self.spectra < len(self.visits):
             self._add_power(spectrum, angle)
             return
         streaks = fft.irfft2(spectrum * self.gain, self._canvas)[: size[0], : size[1]]
-        found = alpha_along(streaks, resized(contrast, size))
-        self._add_deviation(view, found if prior is None else (found + resized(prior, size)) / 2)
+        self._add_deviation(view, known + alpha_along(streaks, contrast))
 
     def _add_power(self, spectrum: NDArray[np.complexfloating], angle: float) -> None:
         """One more view's power; after the last one the gain follows."""

@@ -47,13 +47,13 @@ def streaks_of(sizes=(SIZE,) * COUNT, visits=VISITS):
     return SingleStreaks(sizes, WEDGE, SMOOTH, visits)
 
 
-def watch(photographs, known, even, angle=75.0, rounds=3, visits=VISITS):
+def watch(photographs, known, even, angle=75.0, rounds=3, visits=VISITS, priors=(None,) * COUNT):
     """Streaks after some looks at every view."""
     streaks = streaks_of(visits=visits)
     for _ in range(rounds):
         for view, (photograph, expected) in enumerate(zip(photographs, known, strict=True)):
             seen = (expected * (1 - even) + even * BETA).astype(np.float32)
-            streaks.update(*along_rain(photograph, seen, even, BETA), angle, view)
+            streaks.update(*along_rain(photograph, seen, even, BETA), angle, view, priors[view])
     return streaks
 
 
@@ -76,6 +76,22 @@ def test_streaks_are_found(scene, angle):
     heavy, guessed = covers > np.quantile(covers, 0.9), found > np.quantile(covers, 0.9)
     assert (heavy & guessed).sum() > 0.6 * guessed.sum()
     assert (heavy & guessed).sum() > 0.25 * heavy.sum()
+
+
+def test_the_filter_adds_what_a_prior_leaves(scene):
+    covers = layers()
+    even = float(np.median(covers))
+    priors = [((cover - even) / 2).astype(np.float32) for cover in covers]
+    photographs, known = rained_on(scene, covers), learned(scene)
+    alone, both = (watch(photographs, known, even, priors=given) for given in ((None,) * COUNT, priors))
+
+    def error(deviations):
+        return np.mean([(np.maximum(even + deviations[v], 0) - covers[v]) ** 2 for v in range(COUNT)])
+
+    assert error([both.deviation(view) for view in range(COUNT)]) < 0.7 * error(priors)
+    assert error([both.deviation(view) for view in range(COUNT)]) < 0.7 * error(
+        [alone.deviation(view) for view in range(COUNT)]
+    )
 
 
 def test_how_far_a_photograph_is_towards_rain_is_the_plain_formula():
@@ -109,8 +125,8 @@ def test_what_was_found_is_the_mean_over_visits():
     dry = np.zeros(SIZE, np.float32), np.full(SIZE, 0.5, np.float32), 75, 0
     streaks.update(*dry)  # its power
     for deviation in (0.2, 0.6):
-        streaks.update(*dry, np.full(SIZE, deviation, np.float32))  # counts half
-    assert np.allclose(streaks.deviation(0), 0.2, atol=0.005)
+        streaks.update(*dry, np.full(SIZE, deviation, np.float32))
+    assert np.allclose(streaks.deviation(0), 0.4, atol=0.005)
 
 
 @pytest.mark.parametrize("width", [80, 81])
