@@ -112,8 +112,8 @@ class RainObjective(Objective):
         if self.enhanced and self.enhanced.due(view, iteration):
             enhanced, certain = self.enhanced.target(view, size)
             learn = partial(self._on_gpu.update, seen._replace(mist=None), target, weights, buffers)
-            left = self._on_gpu.forward_enhanced(render, view, iteration)
-            return OnGPU(left, product(weights, None if certain is None else sent(certain)), enhanced, learn=learn)
+            image = self._on_gpu.forward_enhanced(render, view, iteration)
+            return OnGPU(image, product(weights, None if certain is None else sent(certain)), enhanced, learn=learn)
         return OnGPU(seen.image, weights, learn=partial(self._on_gpu.update, seen, target, weights, buffers))
 
     def residual(self, image: Image, view: int, buffers: BufferPool) -> float:

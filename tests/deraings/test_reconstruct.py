@@ -41,9 +41,9 @@ from hydroviews.scene.scenes import Points, no_points
 
 
 class Short(DeRainGSPlus):
-    """The method, in 60 iterations, without drops: a ball in the middle of all pictures stays on the lens, too."""
+    """The method, in 60 iterations, of falling rain: a ball in the middle of all pictures looks like rain on the lens."""
 
-    profiles = {"demo": DeRainGSConfig(replace(CONFIG, iterations=60), rain=RainConfig(drops=None))}  # noqa: RUF012
+    profiles = {"demo": DeRainGSConfig(replace(CONFIG, iterations=60), rain=RainConfig(mist=None, drops=None))}  # noqa: RUF012
 
 
 @pytest.fixture(scope="module")
