@@ -41,7 +41,7 @@ from hydroviews.scene.scenes import Points, no_points
 
 
 class Short(DeRainGSPlus):
-    """The method, in 60 iterations, of falling rain: a ball in the middle of all pictures looks like rain on the lens."""
+    """The method, in 60 iterations, of falling rain: a ball in the middle of all pictures stays like drops and mist."""
 
     profiles = {"demo": DeRainGSConfig(replace(CONFIG, iterations=60), rain=RainConfig(mist=None, drops=None))}  # noqa: RUF012
 
