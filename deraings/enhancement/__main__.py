@@ -19,17 +19,17 @@ from baselines.training.devices import chosen_device
 from baselines.training.network_commands import WEIGHTS, load_trained, require_own_files, rounded, use_threads
 from baselines.training.supervised_training import Intervals, network_fingerprint
 from baselines.training.validation import as_json
+from deraings.enhancement.architecture.lenses import lenses_of_capture
+from deraings.enhancement.architecture.network import CONFIGS, EnhancementNetwork
+from deraings.enhancement.architecture.size import describe
 from deraings.enhancement.before_after import before_and_after, on_sheet
-from deraings.enhancement.calibration import draw_calibration
-from deraings.enhancement.config import TrainingConfig
-from deraings.enhancement.data import Data, described, started_from, training_pairs
 from deraings.enhancement.enhance import enhance
-from deraings.enhancement.lenses import lenses_of_capture
-from deraings.enhancement.network import CONFIGS, EnhancementNetwork
-from deraings.enhancement.size import describe
-from deraings.enhancement.training import EnhancementTraining, train
-from deraings.enhancement.validation import Score, as_columns, scores, scores_by_companions, table
-from deraings.enhancement.validation_pictures import LONG_SIDE, PATTERNS, validation_set
+from deraings.enhancement.training.config import TrainingConfig
+from deraings.enhancement.training.data import Data, described, started_from, training_pairs
+from deraings.enhancement.training.loop import EnhancementTraining, train
+from deraings.enhancement.validation.calibration import draw_calibration
+from deraings.enhancement.validation.pictures import LONG_SIDE, PATTERNS, validation_set
+from deraings.enhancement.validation.scores import Score, as_columns, scores, scores_by_companions, table
 from deraings.enhancement.weights import load_enhancer, mean_network, save_network
 from hydroviews.captures.single_pictures import read_upright
 from hydroviews.cli.commands import run_command

@@ -13,6 +13,7 @@ from tqdm import tqdm
 
 from baselines.training.images import TrainingImages
 from baselines.training.torch_state import one_thread
+from deraings.enhancement.architecture.lenses import Lens, lenses_of_capture
 from deraings.enhancement.clear_pixels import (
     DROPS,
     LensCovers,
@@ -21,7 +22,6 @@ from deraings.enhancement.clear_pixels import (
     with_clear_pixels,
 )
 from deraings.enhancement.enhance import predict, without_mist_on_lens
-from deraings.enhancement.lenses import Lens, lenses_of_capture
 from deraings.enhancement.weights import Enhancer
 from deraings.image_planes import Plane, resized, within_side
 from deraings.lens.mist_prior import NetworkMist

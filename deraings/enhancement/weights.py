@@ -13,7 +13,7 @@ from torch import Tensor
 from baselines.training.checkpoints import read_arrays, write_arrays
 from baselines.training.devices import chosen_device
 from baselines.training.network_commands import weights_file
-from deraings.enhancement.network import EnhancementNetwork, NetworkConfig
+from deraings.enhancement.architecture.network import EnhancementNetwork, NetworkConfig
 from hydroviews.errors import InputError
 
 SHIPPED = Path(__file__).parent / "weights"

@@ -23,9 +23,9 @@ photograph that is not its own error. One term is drawn in each step. M, L, S an
 means over photographs and renders. A network predicts E, s, the covers in r and a part of prior(V); without a network
 the other sources are left.
 
-A layer on the lens counts no more once it predicts photographs worse than its absence does, on views that are kept
-from the scene at first, by more than two standard errors. Falling rain, which no other view predicts, counts as far as
-differences of photographs and renders are skewed along one direction.
+Drops count on once they predict photographs better than their absence does, on views that are kept from the scene at
+first, by more than two standard errors; mist counts no more once it predicts worse by as much. Falling rain, which no
+other view predicts, counts as far as differences of photographs and renders are skewed along one direction.
 
     config.py             all settings
     objective.py          RainObjective: the steps, the enhanced photographs, the trial of the layers

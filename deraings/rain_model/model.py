@@ -48,7 +48,7 @@ class RainModel:
     """Mist, drops and falling rain of one scene's training views.
 
     Attributes:
-        off: layers on the lens that do not count, as they predict photographs no better than their absence.
+        off: layers on the lens that do not count: no source shows them, or they fail the trial of the objective.
     """
 
     def __init__(

@@ -32,7 +32,7 @@ from hydroviews.scene.point_colours import PointColours
 GOLDEN = (5**0.5 - 1) / 2  # multiples of it, modulo 1, are spread evenly over [0, 1)
 KEPT_OF = 12  # one of so many views is kept from the scene at first
 LEAST_VIEWS = 24  # fewer lack each one that is kept
-STANDARD_ERRORS = 2.0
+LEAST_GAIN = {MIST: -2.0, DROPS: 2.0}  # standard errors by which a layer has to predict better, to count further
 LEAST_ERROR = 1e-6  # of a mean gain
 
 
@@ -220,14 +220,16 @@ class EnhancedTargets:
 
 
 class Trial:
-    """Whether layers on the lens predict photographs worse than their absence does.
+    """Whether layers on the lens predict photographs better than their absence does.
 
     One view in KEPT_OF is kept from the scene at first. The scene that the others learn, seen through what is on the
     lens, predicts the kept photograph. A layer's gain g is the mean absolute error without it less that with it, after
     gain and offset of each channel have been fitted to the photograph in both cases: a scene that has been learned
-    through even mist is darker, and would seem to need it. At the end of the trial a layer counts no more if the mean
-    g is more than two standard errors below 0. Even mist has no gain, as it cannot be told from a pale scene: priors
-    decide on it, and on everything where there are too few views to keep one.
+    through even mist is darker, and would seem to need it. At the end of the trial drops count no more unless the
+    mean g is more than two standard errors above 0 (7.8 and more in drops of development scenes, 1.3 at most on dry
+    lenses). Even mist has no gain, as it cannot be told from a pale scene: it counts no more if the mean g is more than
+    two standard errors below 0, and priors decide on the rest. Where there are too few views to keep one, all counts
+    that did.
     """
 
     def __init__(self, model: RainModel, n_views: int, first: int, last: int) -> None:
@@ -239,7 +241,8 @@ class Trial:
     def keeps(self, view: int, iteration: int) -> bool:
         """Whether a view is kept from the scene in this step; decides once, when the trial is over."""
         if iteration >= self._last and self._kept:
-            self._model.off |= {layer for layer, gains in self.gains.items() if _in_errors(gains) < -STANDARD_ERRORS}
+            tried = {layer: gains for layer, gains in self.gains.items() if len(gains) > 1}
+            self._model.off |= {layer for layer, gains in tried.items() if _in_errors(gains) < LEAST_GAIN[layer]}
             self._kept = set()
         return view in self._kept
 
@@ -277,9 +280,7 @@ def prediction_error(seen: Image, target: Target) -> float:
 
 
 def _in_errors(gains: list[float]) -> float:
-    """The mean of gains in standard errors of the mean; 0 where there are fewer than two."""
-    if len(gains) < 2:
-        return 0.0
+    """The mean of two gains or more, in standard errors of the mean."""
     return float(np.mean(gains) / max(np.std(gains, ddof=1) / np.sqrt(len(gains)), LEAST_ERROR))
 
 

@@ -18,7 +18,7 @@ from baselines.splatting.backends.transfers import fetched, sent
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import Target
 from baselines.training.images import Size
-from deraings.enhancement.mist_branch import decoded, encoded
+from deraings.enhancement.architecture.mist_branch import decoded, encoded
 from deraings.image_planes import CELLS, Plane, averages_around, product, within_side
 from deraings.rain_model.drops import DropLayer
 from deraings.rain_model.kernels import BRIGHTEST, BRIGHTEST_ENCODED, mix

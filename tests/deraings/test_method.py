@@ -15,8 +15,8 @@ from baselines.training.torch_state import torch_threads
 from deraings import enhanced_method
 from deraings import method as methods
 from deraings.enhancement import views as enhanced_views
+from deraings.enhancement.architecture.network import EnhancementNetwork, NetworkConfig
 from deraings.enhancement.enhance import Enhanced
-from deraings.enhancement.network import EnhancementNetwork, NetworkConfig
 from deraings.enhancement.views import EnhancedViews
 from deraings.enhancement.weights import find_weights, load_enhancer, save_network
 from deraings.method import DeRainGS, DeRainGSConfig, DeRainGSPlus, RainModelOnly, WithoutAttention

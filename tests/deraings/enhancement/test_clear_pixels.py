@@ -7,9 +7,9 @@ from tiny_network import TINY
 
 from baselines.training.images import read_images
 from deraings.enhancement import views as enhanced_views
+from deraings.enhancement.architecture.network import EnhancementNetwork
 from deraings.enhancement.clear_pixels import DROPS, STREAKS, hidden_by_drops, lens_covers, with_clear_pixels
 from deraings.enhancement.enhance import Enhanced
-from deraings.enhancement.network import EnhancementNetwork
 from deraings.enhancement.views import EnhancedViews
 from deraings.enhancement.weights import Enhancer
 from hydroviews.scene.images import read_image

@@ -9,10 +9,7 @@ import torch
 from tiny_network import TINY
 
 from baselines.training.images import TrainingImages
-from deraings.enhancement.config import TrainingConfig
-from deraings.enhancement.data import Data, started_from
-from deraings.enhancement.enhance import enhance, predict, shipped
-from deraings.enhancement.lens_statistics import (
+from deraings.enhancement.architecture.lens_statistics import (
     COARSE,
     FINE,
     LONGEST_RUN,
@@ -22,10 +19,13 @@ from deraings.enhancement.lens_statistics import (
     lens_statistics,
     statistics_of_capture,
 )
-from deraings.enhancement.lenses import lenses_of_capture
-from deraings.enhancement.mist_branch import mean_mist
-from deraings.enhancement.network import EnhancementNetwork
-from deraings.enhancement.training import EnhancementTraining
+from deraings.enhancement.architecture.lenses import lenses_of_capture
+from deraings.enhancement.architecture.mist_branch import mean_mist
+from deraings.enhancement.architecture.network import EnhancementNetwork
+from deraings.enhancement.enhance import enhance, predict, shipped
+from deraings.enhancement.training.config import TrainingConfig
+from deraings.enhancement.training.data import Data, started_from
+from deraings.enhancement.training.loop import EnhancementTraining
 from deraings.enhancement.views import EnhancedViews
 from deraings.enhancement.weights import Enhancer, load_enhancer, save_network
 from hydroviews.errors import InputError

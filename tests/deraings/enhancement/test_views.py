@@ -8,9 +8,9 @@ from tiny_network import TINY
 
 from baselines.training.images import TrainingImages
 from deraings.enhancement import views as module
+from deraings.enhancement.architecture.network import EnhancementNetwork
 from deraings.enhancement.clear_pixels import DROPS
 from deraings.enhancement.enhance import Enhanced
-from deraings.enhancement.network import EnhancementNetwork
 from deraings.enhancement.views import COVER_SIDE, EnhancedViews
 from deraings.enhancement.weights import Enhancer
 from hydroviews.errors import InputError

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from skimage import data
 
+from deraings.enhancement.architecture.network import SMALL
 from deraings.enhancement.enhance import enhance
-from deraings.enhancement.network import SMALL
 from deraings.enhancement.weights import DEFAULT, SHIPPED, load_enhancer
 from hydroviews.metrics import psnr
 from hydroviews.pairs.recipes.panes import draw_pane

@@ -7,11 +7,11 @@ from torch import Tensor
 
 from baselines.training import supervised_training
 from baselines.training.supervised_training import Intervals, Learner, SupervisedTraining, Validate, network_fingerprint
-from deraings.enhancement.config import TrainingConfig
-from deraings.enhancement.loss import cover_loss, enhancement_loss, error_loss
-from deraings.enhancement.mist_branch import crop_mist, mist_loss, without_mist
-from deraings.enhancement.network import EnhancementNetwork
-from deraings.enhancement.pairs import Batches, Pairs, Sample
+from deraings.enhancement.architecture.mist_branch import crop_mist, mist_loss, without_mist
+from deraings.enhancement.architecture.network import EnhancementNetwork
+from deraings.enhancement.training.config import TrainingConfig
+from deraings.enhancement.training.loss import cover_loss, enhancement_loss, error_loss
+from deraings.enhancement.training.pairs import Batches, Pairs, Sample
 
 NETWORK = "network"  # the learner's name
 

@@ -13,13 +13,13 @@ import numpy as np
 from scipy.stats import spearmanr
 
 from baselines.training.validation import measure_by_kind
-from deraings.enhancement.calibration import Curve, calibration
+from deraings.enhancement.architecture.lenses import Lens, lenses_of_capture
+from deraings.enhancement.architecture.network import EnhancementNetwork
 from deraings.enhancement.clear_pixels import DROPS, STREAKS
-from deraings.enhancement.detection import detection
 from deraings.enhancement.enhance import Enhanced, mist_on_lens, predict, without_mist
-from deraings.enhancement.lenses import Lens, lenses_of_capture
-from deraings.enhancement.network import EnhancementNetwork
-from deraings.enhancement.validation_pictures import ValidationPicture
+from deraings.enhancement.validation.calibration import Curve, calibration
+from deraings.enhancement.validation.detection import detection
+from deraings.enhancement.validation.pictures import ValidationPicture
 from deraings.enhancement.weights import Enhancer
 from deraings.image_planes import Plane
 from deraings.lens.views import AROUND, mean_around

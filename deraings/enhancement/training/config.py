@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from baselines.training.numbers import require_numbers
-from deraings.enhancement.network import SMALL, NetworkConfig
+from deraings.enhancement.architecture.network import SMALL, NetworkConfig
 
 Precision = Literal["float32", "bfloat16"]
 

@@ -21,9 +21,9 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from deraings.enhancement.cover_network import CoverNetwork
-from deraings.enhancement.lens_statistics import COARSE, FINE
-from deraings.enhancement.mist_branch import MistBranch, added, known, without_mist_over_whole
+from deraings.enhancement.architecture.cover_network import CoverNetwork
+from deraings.enhancement.architecture.lens_statistics import COARSE, FINE
+from deraings.enhancement.architecture.mist_branch import MistBranch, added, known, without_mist_over_whole
 
 LEVELS = 5
 KEPT = (1 / 2, 2 / 3, 3 / 4, 4 / 5)  # shares of its entries that a row of sparse attention keeps (Chen et al. 2023)

@@ -9,8 +9,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from deraings.enhancement.lens_statistics import coarse_statistics, fine_statistics, halved, over_pictures
-from deraings.enhancement.mist_branch import SIDE, Box, cell_statistics, squeezed
+from deraings.enhancement.architecture.lens_statistics import coarse_statistics, fine_statistics, halved, over_pictures
+from deraings.enhancement.architecture.mist_branch import SIDE, Box, cell_statistics, squeezed
 from hydroviews.pairs.camera import compressed, noisy
 from hydroviews.pairs.drawing import Pair, each
 from hydroviews.pairs.rainy_pairs import DrawnRain

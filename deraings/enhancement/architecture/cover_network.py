@@ -13,8 +13,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from deraings.enhancement.lens_statistics import FINE
-from deraings.enhancement.mist_branch import added, known
+from deraings.enhancement.architecture.lens_statistics import FINE
+from deraings.enhancement.architecture.mist_branch import added, known
 
 NEIGHBOURHOOD = 25  # pixels along a side
 LEAST_CONTRAST = 1e-3  # mean square of a neighbourhood's differences, added before they are divided by it

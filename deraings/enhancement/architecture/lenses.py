@@ -8,9 +8,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from deraings.enhancement.lens_statistics import LensStatistics, statistics_of_capture
-from deraings.enhancement.mist_branch import mean_mist, squeezed
-from deraings.enhancement.network import EnhancementNetwork
+from deraings.enhancement.architecture.lens_statistics import LensStatistics, statistics_of_capture
+from deraings.enhancement.architecture.mist_branch import mean_mist, squeezed
+from deraings.enhancement.architecture.network import EnhancementNetwork
 from hydroviews.scene.masks import Ignored
 
 Read = Callable[[int], NDArray[np.uint8]]

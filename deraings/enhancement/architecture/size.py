@@ -8,9 +8,9 @@ import torch
 from torch import Tensor, nn
 from torch.utils.flop_counter import FlopCounterMode
 
+from deraings.enhancement.architecture.lens_statistics import halved, lens_statistics
+from deraings.enhancement.architecture.network import EnhancementNetwork, NetworkConfig
 from deraings.enhancement.enhance import padded
-from deraings.enhancement.lens_statistics import halved, lens_statistics
-from deraings.enhancement.network import EnhancementNetwork, NetworkConfig
 
 
 @dataclass

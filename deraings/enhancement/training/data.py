@@ -6,9 +6,9 @@ from itertools import zip_longest
 from pathlib import Path
 
 from baselines.training.network_commands import in_words
-from deraings.enhancement.config import TrainingConfig
-from deraings.enhancement.pair_folders import PairFolder, find_pairs
-from deraings.enhancement.pairs import MISTED, Pairs
+from deraings.enhancement.training.config import TrainingConfig
+from deraings.enhancement.training.pair_folders import PairFolder, find_pairs
+from deraings.enhancement.training.pairs import MISTED, Pairs
 from deraings.enhancement.weights import Enhancer, find_weights, load_enhancer
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import listing, sha256

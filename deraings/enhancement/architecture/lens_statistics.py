@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from deraings.enhancement.mist_branch import CELLS, cell_statistics, decoded, squeezed
+from deraings.enhancement.architecture.mist_branch import CELLS, cell_statistics, decoded, squeezed
 from hydroviews.scene.masks import Ignored
 
 COARSE, FINE = 43, 10  # channels
