@@ -25,8 +25,8 @@ from hydroviews.scene.point_colours import PointColours
 NETWORK_SHARE, NETWORK_LEAST = 0.3, 0.003
 POINTS_ERROR = 0.5
 LEAST = 1e-4  # mist_alpha; no source is surer than that
-# From which there is mist. mist_alpha of development scenes: streaks 0.0024 at most (heavy ones of courtyard 0.0066),
-# the lightest mist 0.0041. Share m of the possible mist: without mist 0.41 at most, mist on a window 0.57 and more.
+# From which there is mist. Predicted mist_alpha of development scenes: dry 0.0007 at most, streaks 0.0022, heavy ones
+# 0.0036, medium windows 0.0032 and more. Share m of the possible mist: dry 0.09, streaks 0.28, heavy ones 0.51 at most.
 LEAST_PREDICTED, LEAST_SHARE = 0.003, 0.5
 
 
@@ -38,12 +38,12 @@ class NetworkMist(NamedTuple):
 
 
 class MistPrior(NamedTuple):
-    """A Gaussian per knot [T, h, w] of mist_alpha."""
+    """A Gaussian per knot [T, h, w] of mist_alpha, where there is mist at all."""
 
     mean: NDArray[np.float32]
     deviation: NDArray[np.float32]
     paleness: Paleness | None  # what scene points show
-    exists: bool  # whether there is any mist on the lens: the prior is that of mist where there is some
+    predicted: float  # the median over the lens that a network predicts of mist_alpha; NaN where none does
     removed: NDArray[np.float32]  # the most that the network takes away of mist_alpha; 0 where it predicts none
 
 
@@ -74,21 +74,24 @@ def mist_prior(
     removed = np.stack(
         [np.zeros_like(possible[0]) if source is None else source[0] + source[1] for source in predicted]
     )
-    return MistPrior(np.minimum(mean, bounds.max_alpha), deviation, paleness, mist_exists(light, paleness), removed)
+    return MistPrior(np.minimum(mean, bounds.max_alpha), deviation, paleness, light, removed)
 
 
-def mist_exists(predicted: float, paleness: Paleness | None) -> bool:
-    """Whether there is mist on the lens, be it little: one source is enough, but a network takes fog for mist.
+def mist_exists(prior: MistPrior, wet: bool) -> bool:
+    """Whether there is mist on the lens, be it little: a wet lens or a network shows it, without a network points do.
 
-    Even mist changes no prediction of one view by others: no trial can tell it from none, so that sources have to.
+    Even mist changes no prediction of one view by others: no trial can tell it from none, so that sources have to. A
+    network takes fog in the scene for mist; points tell them apart.
 
     Args:
-        predicted: mist_alpha as a network predicts it, the median over the lens; NaN where none does.
-        paleness: what points show; None where too few are seen.
+        prior: of the mist that there would be.
+        wet: whether there are drops on the lens.
     """
-    if paleness is None:
-        return not predicted < LEAST_PREDICTED
-    return paleness.fog < MIN_FOG and (predicted >= LEAST_PREDICTED or paleness.mist >= LEAST_SHARE)
+    if prior.paleness is not None and prior.paleness.fog >= MIN_FOG:
+        return False
+    if np.isnan(prior.predicted):
+        return prior.paleness is None or prior.paleness.mist >= LEAST_SHARE
+    return wet or prior.predicted >= LEAST_PREDICTED
 
 
 def weighed_mean(sources: Sequence[tuple[NDArray, NDArray]]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

@@ -17,6 +17,7 @@ from baselines.training.checkpoints import below, prefixed
 from baselines.training.images import Size, TrainingImages
 from deraings.enhancement.views import EnhancedViews
 from deraings.image_planes import Plane, product
+from deraings.lens.mist_prior import mist_exists
 from deraings.rain_model.config import RainConfig
 from deraings.rain_model.drops import DropLayer, Drops
 from deraings.rain_model.kernels import warm_up
@@ -83,7 +84,7 @@ class RainModel:
         if config.mist:
             predicted = network.lens_mist if network else lambda _: None
             self.mist = Mist(pictures, iterations, config.mist, hidden, predicted, points)
-            if not self.mist.prior.exists:
+            if not mist_exists(self.mist.prior, self.occlusion is not None and self.occlusion.wet):
                 self.off.add(MIST)
         if config.drops:
             mean_cover = self.occlusion.recurring_cover if self.occlusion else None

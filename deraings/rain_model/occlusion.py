@@ -29,6 +29,7 @@ from hydroviews.scene.images import Image
 
 LEAST_SCALE = 1 / 255  # of residuals: what an 8-bit photograph cannot show says nothing
 LEAST_SHARE = 1e-3  # of shown pixels around one: what none is known of has no residual
+LEAST_WET = 0.01  # mean cover; lenses of development scenes have 0.0001 at most, or 0.07 and more
 CHANNEL_MEAN = np.full((1, 3), 1 / 3, np.float32)
 
 
@@ -63,6 +64,11 @@ class Occlusion:
             products += float((deviation * own).mean())
             squares += float(np.square(deviation).mean())
         return float(np.clip(products / squares, 0, 1)) if squares > 0 else 0.0
+
+    @cached_property
+    def wet(self) -> bool:
+        """Whether drops are on the lens: they cover LEAST_WET of it in the mean."""
+        return bool(np.mean([self.recurring_cover(view).mean() for view in range(self._n_views)]) >= LEAST_WET)
 
     def prior(self, view: int, size: tuple[int, int], n_lines: float) -> Plane:
         """pi [H, W] of a view at (height, width), with lines of drops fitted to `n_lines` views."""

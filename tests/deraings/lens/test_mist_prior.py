@@ -7,7 +7,15 @@ import pytest
 from pale_points import AIR, VIEWS, alpha_at, pale_points
 
 from deraings.lens.mist_bounds import MistBounds
-from deraings.lens.mist_prior import LEAST, NETWORK_LEAST, NETWORK_SHARE, NetworkMist, mist_prior, weighed_mean
+from deraings.lens.mist_prior import (
+    LEAST,
+    NETWORK_LEAST,
+    NETWORK_SHARE,
+    NetworkMist,
+    mist_exists,
+    mist_prior,
+    weighed_mean,
+)
 
 ROWS = np.stack(np.meshgrid(np.linspace(0, 1, 6), np.linspace(0, 1, 5)), axis=2)
 CELL_ROWS = np.broadcast_to(((np.arange(16) + 0.5) / 16)[:, None, None], (16, 16, 2))
@@ -127,3 +135,19 @@ def test_no_more_is_expected_than_the_photographs_allow():
     bounds = bounds_of(even=0.0)
     prior = mist_prior(replace(bounds, max_alpha=bounds.possible / 4), sees(3.0))
     assert prior.mean == pytest.approx(bounds.possible / 4)
+
+
+@pytest.mark.parametrize(
+    ("network", "share", "fog", "wet", "exists"),
+    [
+        (sees(0.3), 0.0, 0.0, False, True),
+        (sees(0.0), 1.0, 0.0, False, False),  # a network is asked before points
+        (sees(0.0), 0.0, 0.0, True, True),
+        (no_network, 1.0, 0.0, False, True),
+        (no_network, 0.0, 0.0, False, False),
+        (sees(0.3), 0.0, 1.0, True, False),  # fog is in the scene
+    ],
+)
+def test_a_network_a_wet_lens_or_points_show_that_there_is_mist(network, share, fog, wet, exists):
+    prior = mist_prior(bounds_of(), network, lambda: pale_points(share, fog))
+    assert mist_exists(prior, wet) == exists

@@ -50,6 +50,12 @@ def test_none_of_the_cover_of_drops_that_are_new_in_every_view_recurs():
     assert occlusion_of(np.zeros((COUNT, *SIZE), np.float32)).recurring == 0
 
 
+def test_a_lens_is_wet_where_drops_stay():
+    assert occlusion_of(staying()).wet
+    assert not occlusion_of(renewed()).wet
+    assert not occlusion_of(np.zeros((COUNT, *SIZE), np.float32)).wet
+
+
 def test_the_cover_that_recurs_is_left_to_the_lines():
     occlusion = occlusion_of(staying())
     assert occlusion.recurring_cover(3) == pytest.approx(occlusion.recurring * staying()[0], abs=1e-6)
