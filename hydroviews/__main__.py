@@ -53,6 +53,7 @@ def build_command(
     captures: Path | None = None,
     overwrite: bool = False,
     repair: bool = False,
+    render: bool = False,
 ) -> None:
     """Build the clean views, cameras and rainy variants of a scene, or of every scene of a suite.
 
@@ -68,6 +69,7 @@ def build_command(
         captures: the folder with captures. Default: $HYDROVIEWS_CAPTURES, else `captures`.
         overwrite: replace a scene that was built with other settings.
         repair: restore files of a finished scene that differ from the manifest.
+        render: render an embedded scene with Blender, even if the package contains its rendered views.
     """
     sizes, data = find_profile(profile), out or Path("data") / profile
     if suite is not None:
@@ -75,7 +77,7 @@ def build_command(
             raise InputError(
                 "--suite with --patterns, --long-side or --lens-renderer", fix="name patterns in a suite of your own"
             )
-        settings = {"captures": captures, "seed": seed, "overwrite": overwrite, "repair": repair}
+        settings = {"captures": captures, "seed": seed, "overwrite": overwrite, "repair": repair, "render": render}
         _build_suite(suite, data, sizes, settings)
         return
     folder = build_source(
@@ -90,6 +92,7 @@ def build_command(
         overwrite=overwrite,
         repair=repair,
         captures=captures,
+        render=render,
     )
     print(f"built: {folder}")
 
