@@ -59,7 +59,7 @@ repair   := $(if $(filter 1,$(REPAIR)),--repair)
 render   := $(if $(filter 1,$(RENDER)),--render)
 scenes   := $(if $(SCENES),$(call quoted,$(SCENES)),$(call quote,$(SCENE)))
 every_pattern = $(foreach effect,$(EFFECTS),$(effect)-0 $(effect)-1 $(effect)-2)
-what     := $(if $(SUITE),--suite $(call quote,$(SUITE)),--scene $(call quote,$(SCENE)))
+what     := $(if $(SUITE),--suite $(call quote,$(SUITE)),$(call quote,$(SCENE)))
 profile  := $(call quote,$(PROFILE))
 data     := $(call quote,$(DATA))
 results  := $(call quote,$(RESULTS))
@@ -108,7 +108,7 @@ dataset: $(READY)  ## a capture, its clean views, cameras and rainy variants; wi
 	$(BIN)/python -m hydroviews build $(what) --profile $(profile) --out $(data)/$(profile) --seed $(call quote,$(SEED)) $(patterns) $(overwrite) $(repair) $(render)
 
 eval: $(READY)  ## build what is missing, run the method and the reference rows, print the table
-	$(BIN)/python -m leaderboard evaluate --method $(call quote,$(METHOD)) --scene $(call quote,$(SCENE)) --profile $(profile) --seed $(call quote,$(SEED)) --track $(call quote,$(TRACK)) --data $(data) --results $(results) $(patterns) $(overwrite)
+	$(BIN)/python -m hydroviews eval $(call quote,$(METHOD)) --scene $(call quote,$(SCENE)) --profile $(profile) --seed $(call quote,$(SEED)) --track $(call quote,$(TRACK)) --data $(data) --results $(results) $(patterns) $(overwrite)
 
 check: $(READY)  ## whether METHOD= keeps the contract of a method, on a room that is learned in seconds
 	$(BIN)/python -m leaderboard check $(call quote,$(METHOD)) --profile $(profile)
