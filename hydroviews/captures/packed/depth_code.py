@@ -1,7 +1,7 @@
 """Depth maps in few bytes and without loss: residuals of a prediction, compressed.
 
-On a plane 1 / depth is linear in the pixel. Its prediction is left + above - above left, of the neighbours' 1 / depth.
-The residual is the difference of the two float32 numbers' bit patterns, a few units on planes. All arithmetic is float64
+On a plane 1 / depth is linear in the pixel. The prediction is left + above - above left, of the neighbours' 1 / depth.
+The residual is the difference of two float32 numbers' bit patterns, a few units on planes. All arithmetic is float64
 division and addition, which every processor rounds in the same way.
 """
 
