@@ -4,11 +4,14 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from tqdm import tqdm
 
+from baselines.method import METHODS, Citation, citation_of
+from hydroviews.cli.plugins import registered
 from hydroviews.dataset.suites import suite_of
 from hydroviews.files import ownership
 from hydroviews.files.atomic import write_bytes
@@ -132,7 +135,14 @@ def _write_pages(out: Path, runs: list[ShownRun], scenes: list[ScenePage], suite
     pages = environment()
     addresses = {(scene.name, scene.profile, scene.track): scene.page for scene in scenes}
     pictured = any(scene.pictures for scene in scenes)
-    own = {"runs": runs, "scenes": scenes, "suites": suites, "filters": _filters(runs), "pictured": pictured}
+    own: dict[str, Any] = {
+        "runs": runs,
+        "scenes": scenes,
+        "suites": suites,
+        "filters": _filters(runs),
+        "pictured": pictured,
+    }
+    own["cited"] = _cited(runs)
     texts = {out / INDEX: pages.get_template(INDEX).render(root="", **own)}
     for scene in scenes:
         texts[out / "scenes" / scene.page] = pages.get_template("scene.html").render(root="../", scene=scene)
@@ -147,6 +157,13 @@ def _write_pages(out: Path, runs: list[ShownRun], scenes: list[ScenePage], suite
         if not path.is_file() or path.read_bytes() != text.encode():
             write_bytes(path, text.encode())
     return set(texts)
+
+
+def _cited(runs: list[ShownRun]) -> dict[str, Citation]:
+    """What the registered methods of some runs follow, by name, without wrappers."""
+    names = sorted({run.record["method"].partition("+")[0] for run in runs if not run.record["submitted_by"]})
+    found = {name: citation_of(name) for name in names if name in registered(METHODS)}
+    return {name: citation for name, citation in found.items() if citation}
 
 
 def _filters(runs: list[ShownRun]) -> dict[str, list[str]]:

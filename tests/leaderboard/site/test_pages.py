@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 from PIL import Image
 
+from baselines.method import citation_of
 from baselines.training.learning_curve import LEARNING_CURVE
 from hydroviews.files.atomic import read_json, write_json
 from hydroviews.metrics import find_metrics
@@ -73,6 +74,12 @@ class Page(HTMLParser):
         return [attributes for name, attributes in self.elements if name == tag]
 
 
+def papers_and_code(*methods: str) -> set[str]:
+    """Addresses that methods cite."""
+    found = [citation_of(method) for method in methods]
+    return {address for one in found for address in (one.link, one.code) if address}
+
+
 @pytest.fixture(scope="module")
 def pages(written):
     return {path: Page(path) for path in sorted((written / "site").rglob("*.html"))}
@@ -96,7 +103,9 @@ def test_links_and_pictures_resolve_and_nothing_is_outside(written, pages):
             for name in {"href", "src"} & set(attributes):
                 address = urlsplit(attributes[name])
                 if address.scheme == "https":
-                    assert (tag, attributes[name]) == ("a", "https://example.org/a?b=1&c=2")  # what Ada gave
+                    theirs = "https://example.org/a?b=1&c=2"  # what Ada gave
+                    assert tag == "a"
+                    assert attributes[name] in {theirs, *papers_and_code("3dgs", "3dgs-clean", "deraings", "nerf-w")}
                 elif attributes[name] != "data:,":
                     assert (address.scheme, address.netloc) == ("", "")
                     target = (path.parent / unquote(address.path)).resolve() if address.path else path
@@ -230,6 +239,21 @@ def test_there_is_a_table_per_rain_and_grade_with_every_method_that_has_runs(wri
                 assert shows(cells["Gain over 3dgs"], one.gain, lambda gain: f"{gain:+.2f}")  # no interval of one scene
                 assert shows(cells["Seconds"], one.seconds, cost_text)
                 assert cells["Scenes"][0] == "1 scene"
+
+
+def test_the_index_names_the_papers_of_its_methods(written, pages):
+    _, *rows = tables_by_name(pages[written / "site" / "index.html"])["Names and papers"]
+    assert [row[0][0] for row in rows] == ["3dgs", "3dgs-clean", "deraings", "nerf-w"]
+    assert [text for text, _ in rows[0]] == [
+        "3dgs",
+        "3D Gaussian Splatting",
+        "3D Gaussian Splatting for Real-Time Radiance Field Rendering",
+        "2023",
+        "graphdeco-inria/gaussian-splatting",
+        "Gaussian-Splatting License (research and evaluation only)",
+    ]
+    addresses = {a["href"] for a in pages[written / "site" / "index.html"].all("a")}
+    assert papers_and_code("3dgs", "deraings", "nerf-w") <= addresses
 
 
 def test_the_best_values_are_marked_and_the_ceiling_is_not(written, pages):
