@@ -116,7 +116,8 @@ def _by_scene(rows: pd.DataFrame, values: pd.Series) -> pd.DataFrame:
 def _above(rows: pd.DataFrame, others: pd.DataFrame, keys: Sequence[str]) -> pd.DataFrame:
     """PSNR minus that of another method in runs that agree in some columns, as `_by_scene`."""
     pairs = rows.merge(others[[*keys, "psnr"]], on=[*keys], suffixes=("", "_other"))
-    return _by_scene(pairs, pairs["psnr"].astype(float).sub(pairs["psnr_other"].astype(float)))
+    difference = pairs["psnr"].to_numpy(float) - pairs["psnr_other"].to_numpy(float)
+    return _by_scene(pairs, pd.Series(difference, pairs.index))
 
 
 def _is_tie(own: pd.DataFrame, above: str, name: str) -> bool:
