@@ -43,7 +43,7 @@ anew     := $(if $(call own,PYTHON),--clear)
 
 # Settings reach the programs as they were given: make does not expand what is in them, and no shell reads it.
 GIVEN    := METHOD SCENE PROFILE SEED TRACK DATA RESULTS SEEDS METHODS BENCH PORT OUT EXTRAS
-OPTIONAL := SUITE CAPTURES PATTERNS PHOTOGRAPHS RUN SCENES OVERWRITE REPAIR BENCH_ARGS PIP_ARGS FILM_ARGS
+OPTIONAL := SUITE CAPTURES PATTERNS PHOTOGRAPHS RUN SCENES OVERWRITE REPAIR RENDER BENCH_ARGS PIP_ARGS FILM_ARGS
 $(foreach name,$(GIVEN) $(OPTIONAL),$(eval override $(name) := $$(value $(name))))
 define newline
 
@@ -56,9 +56,10 @@ names    := $(call quoted,$(subst $(comma), ,$(PATTERNS)))
 patterns := $(if $(names),--patterns $(names))
 overwrite := $(if $(filter 1,$(OVERWRITE)),--overwrite)
 repair   := $(if $(filter 1,$(REPAIR)),--repair)
+render   := $(if $(filter 1,$(RENDER)),--render)
 scenes   := $(if $(SCENES),$(call quoted,$(SCENES)),$(call quote,$(SCENE)))
 every_pattern = $(foreach effect,$(EFFECTS),$(effect)-0 $(effect)-1 $(effect)-2)
-what     := $(if $(SUITE),--suite $(call quote,$(SUITE)),--scene $(call quote,$(SCENE)))
+what     := $(if $(SUITE),--suite $(call quote,$(SUITE)),$(call quote,$(SCENE)))
 profile  := $(call quote,$(PROFILE))
 data     := $(call quote,$(DATA))
 results  := $(call quote,$(RESULTS))
@@ -89,6 +90,9 @@ endif
 ifneq ($(filter-out 0 1,$(REPAIR)),)
 $(error REPAIR=$(REPAIR): 1 to make changed files of a finished scene again; 0 or nothing to refuse it)
 endif
+ifneq ($(filter-out 0 1,$(RENDER)),)
+$(error RENDER=$(RENDER): 1 to render an embedded scene that the package has as rendered; 0 or nothing to unpack it)
+endif
 
 .PHONY: setup dataset eval compare check severity enhancer drop-finder ablation leaderboard view film board bench docs test fuzz test-simd lint
 
@@ -101,10 +105,10 @@ $(READY): pyproject.toml constraints.txt
 	touch $(READY)
 
 dataset: $(READY)  ## a capture, its clean views, cameras and rainy variants; with SUITE= all of a suite's
-	$(BIN)/python -m hydroviews build $(what) --profile $(profile) --out $(data)/$(profile) --seed $(call quote,$(SEED)) $(patterns) $(overwrite) $(repair)
+	$(BIN)/python -m hydroviews build $(what) --profile $(profile) --out $(data)/$(profile) --seed $(call quote,$(SEED)) $(patterns) $(overwrite) $(repair) $(render)
 
 eval: $(READY)  ## build what is missing, run the method and the reference rows, print the table
-	$(BIN)/python -m leaderboard evaluate --method $(call quote,$(METHOD)) --scene $(call quote,$(SCENE)) --profile $(profile) --seed $(call quote,$(SEED)) --track $(call quote,$(TRACK)) --data $(data) --results $(results) $(patterns) $(overwrite)
+	$(BIN)/python -m hydroviews eval $(call quote,$(METHOD)) --scene $(call quote,$(SCENE)) --profile $(profile) --seed $(call quote,$(SEED)) --track $(call quote,$(TRACK)) --data $(data) --results $(results) $(patterns) $(overwrite)
 
 check: $(READY)  ## whether METHOD= keeps the contract of a method, on a room that is learned in seconds
 	$(BIN)/python -m leaderboard check $(call quote,$(METHOD)) --profile $(profile)

@@ -14,5 +14,6 @@ def on_clean(method: type[Method]) -> type[Method]:
 
     class OnClean(method):  # type: ignore[misc, valid-type]
         trains_on = "clean"
+        citation = vars(method).get("citation")
 
     return named(OnClean, f"{method.__name__}OnClean", f"{method.__name__} on clean photographs.")

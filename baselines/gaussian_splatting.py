@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from baselines.clean_wrapper import on_clean
-from baselines.method import Method, TrainingSummary, profile_settings
+from baselines.method import Citation, Method, TrainingSummary, profile_settings
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.files.checkpoints import read_model, write_model
 from baselines.splatting.files.ply import SPLATS, write_ply
@@ -41,6 +41,15 @@ MOST = 0.6  # of them, above which what hides rain hides the scene itself
 
 class GaussianSplatting(Method):
     """Plain 3DGS (Kerbl et al. 2023): rain becomes part of the scene."""
+
+    citation = Citation(
+        title="3D Gaussian Splatting",
+        paper="3D Gaussian Splatting for Real-Time Radiance Field Rendering",
+        year=2023,
+        link="https://arxiv.org/abs/2308.04079",
+        code="https://github.com/graphdeco-inria/gaussian-splatting",
+        licence="Gaussian-Splatting License (research and evaluation only)",
+    )
 
     profiles: ClassVar[Mapping[str, Any]] = PROFILES
 
@@ -178,6 +187,13 @@ def warn_if_hidden(share: float, what: str = "masks") -> None:
 
 class BudgetedSplatting(GaussianSplatting):
     """Plain 3DGS with half the Gaussians: pruned by contribution, or at full size by relocation (3DGS-MCMC)."""
+
+    citation = Citation(
+        title="3D Gaussian Splatting with a budget",
+        paper="3D Gaussian Splatting as Markov Chain Monte Carlo",
+        year=2024,
+        link="https://arxiv.org/abs/2404.09591",
+    )
 
     profiles: ClassVar[Mapping[str, Any]] = BUDGETED
 

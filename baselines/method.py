@@ -55,6 +55,18 @@ class TrainingSummary:
             raise ValueError('summary: no device, expected "cpu" or the GPU\'s name')
 
 
+@dataclass(frozen=True)
+class Citation:
+    """What a method follows, for people who compare with it. A field is empty if we know of nothing."""
+
+    title: str  # full name of the method
+    paper: str = ""  # title of its publication
+    year: int | None = None
+    link: str = ""  # to the publication, https
+    code: str = ""  # the authors' own, https; this project contains none of it
+    licence: str = ""  # of the authors' code
+
+
 class Method(ABC):
     """Learns a scene from its training views, then renders any camera.
 
@@ -63,6 +75,7 @@ class Method(ABC):
     """
 
     trains_on: ClassVar[Literal["rainy", "clean"]] = "rainy"  # which photographs `fit` receives
+    citation: ClassVar[Citation | None] = None  # of this class; a subclass is another method and states its own
 
     def __init__(self, config: Any, seed: int) -> None:
         self.config = config
@@ -187,6 +200,12 @@ def profile_settings(profile: str, profiles: Mapping[str, Any]) -> Any:
     if profile not in profiles:
         raise unknown_name(f"PROFILE={profile}", profile, "profile", profiles)
     return profiles[profile]
+
+
+def citation_of(name: str) -> Citation | None:
+    """What the method of that name follows, without its wrappers; None if its class itself does not say."""
+    found: Citation | None = vars(find_method(name.partition("+")[0])).get("citation")
+    return found
 
 
 def find_method(name: str) -> type[Method]:

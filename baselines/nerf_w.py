@@ -28,6 +28,7 @@ from typing import Any, ClassVar
 import torch
 from torch import Tensor, nn
 
+from baselines.method import Citation
 from baselines.volumetric.batches import Batch
 from baselines.volumetric.compositing import along_ray, compositing_weights
 from baselines.volumetric.config import DETAILED_FIELD, NERF, SHORT_FIELD, VolumetricConfig
@@ -143,6 +144,13 @@ PROFILES = {
 
 class NerfW(RadianceMethod):
     """NeRF-W (Martin-Brualla et al. 2021): a radiance field with appearance and transient embeddings per view."""
+
+    citation = Citation(
+        title="NeRF in the Wild",
+        paper="NeRF in the Wild: Neural Radiance Fields for Unconstrained Photo Collections",
+        year=2021,
+        link="https://arxiv.org/abs/2008.02268",
+    )
 
     profiles: ClassVar[Mapping[str, Any]] = PROFILES
 

@@ -2,7 +2,7 @@
 
     method.py            DeRainGS (the paper's), DeRainGSPlus (ours), and classes that leave parts out, for the ablation
     enhanced_method.py   any method on enhanced photographs: `3dgs+enhance`
-    reconstruct.py       your own rainy photographs in, a clean scene out: `python -m deraings reconstruct`
+    reconstruct.py       your own rainy photographs in, a clean scene out: `hydroviews reconstruct`
     image_planes.py      one value a pixel, at other sizes
     enhancement/         the network that removes rain from photographs: its parts, its training, its weights
     masks/               occlusion masks: weights of the pixels that something hides

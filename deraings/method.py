@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from baselines.gaussian_splatting import GaussianSplatting
+from baselines.method import Citation
 from baselines.splatting.backends.base import GSPLAT
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting_profiles import PROFILES
@@ -90,6 +91,13 @@ class DeRainGS(GaussianSplatting):
     Drops that are new in every view, which leave no trace for masks, are hidden as the network sees them.
     """
 
+    citation = Citation(
+        title="DeRainGS, re-implemented",
+        paper="DeRainGS: Gaussian Splatting for Enhanced Scene Reconstruction in Rainy Environments",
+        year=2025,
+        link="https://arxiv.org/abs/2408.11540",
+    )
+
     profiles: ClassVar[Mapping[str, Any]] = profiles(paper_config)
 
     _objective: RainObjective | None
@@ -155,6 +163,10 @@ class DeRainGSPlus(DeRainGS):
 
     The scene is trained on the unchanged photographs; in rain, enhanced photographs help to separate rain from scene.
     """
+
+    citation = Citation(
+        title="DeRainGS with a rain model (this project)",
+    )
 
     profiles: ClassVar[Mapping[str, Any]] = profiles(
         lambda splatting: DeRainGSConfig(splatting, rain=RainConfig(), prior=DEFAULT)

@@ -104,6 +104,11 @@ def reconstruct(request: Reconstruction) -> Path:
     return folder
 
 
+def reconstruct_command(request: tyro.conf.OmitArgPrefixes[Reconstruction]) -> None:
+    """Reconstruct a clean 3D scene from rainy photographs or a rainy video: cameras, splats.ply, film, pictures."""
+    reconstruct(request)
+
+
 def checked_method(request: Reconstruction) -> Method:
     """The method that is to learn, before its folder is claimed and hours are spent on cameras.
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from baselines.distractors.mask_network import MaskNetwork
 from baselines.distractors.residuals import BINS
 from baselines.distractors.spotless import Spotless, SpotlessConfig, SpotlessObjective
+from baselines.method import Citation
 from baselines.training.checkpoints import below, prefixed
 from baselines.training.images import TrainingImages
 from deraings.image_planes import Plane, resized
@@ -60,6 +61,13 @@ class LensObjective(SpotlessObjective):
 
 class SpotlessLens(Spotless):
     """SpotLessSplats; the network also receives residuals of other views at the same place of the lens."""
+
+    citation = Citation(
+        title="SpotLessSplats with residuals of the lens (this project)",
+        paper="SpotLessSplats: Ignoring Distractors in 3D Gaussian Splatting",
+        year=2025,
+        link="https://arxiv.org/abs/2406.20055",
+    )
 
     extra: ClassVar[int] = 1
 

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 import pandas as pd
 import tyro
 
+from hydroviews.cli.commands import imported
 from hydroviews.dataset.suites import DEVELOPMENT, suite_of
 from leaderboard.gather import BOARD, collect
 from leaderboard.records import FLOOR
@@ -34,7 +35,6 @@ PACKAGES = ("hydroviews", "deraings", "baselines", "leaderboard")
 PROGRAMS = (
     "hydroviews",
     "leaderboard",
-    "deraings",
     "deraings.enhancement",
     "baselines.derain_nerf.raindrop_attention",
 )
@@ -48,7 +48,7 @@ ATTRIBUTE = re.compile(r"^ {8}(\w+): (.+(?:\n {12,}.+)*)", re.MULTILINE)  # of a
 
 
 def commands() -> dict[str, Callable[..., None]]:
-    """The function behind every subcommand, by its command line, such as `python -m hydroviews build`."""
+    """The function behind every subcommand, by its line: `hydroviews build`, `python -m package.module name`."""
     found: dict[str, Callable[..., None]] = {}
     for program in PROGRAMS:
         module = importlib.import_module(f"{program}.__main__")
@@ -58,7 +58,8 @@ def commands() -> dict[str, Callable[..., None]]:
             module.main()
         finally:
             module.run_command = run
-        found |= {f"python -m {program} {name}": function for name, function in taken[0].items()}
+        start = f"python -m {program}" if "." in program else program
+        found |= {f"{start} {name}": imported(command) for name, command in taken[0].items()}
     return found
 
 

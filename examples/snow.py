@@ -1,6 +1,6 @@
 """A complete effect in one file: snow. Soft white flakes, new in every view.
 
-    python -m hydroviews build --scene courtyard --patterns examples.snow:Snow-1
+    hydroviews build courtyard --patterns examples.snow:Snow-1
     make eval METHOD=3dgs PATTERNS=examples.snow:Snow-1
 
 An effect has three parts: parameters drawn once per pattern, layers computed once per view, and an equation that

@@ -1,4 +1,7 @@
-"""python -m hydroviews build | scenes | verify | sheet | poses | video | download | pack | fetch."""
+"""hydroviews build | reconstruct | eval | poses | video | download | verify | sheet | pack | doctor.
+
+`reconstruct`, `eval` and `doctor` are of packages that this one does not know: it finds them as entry points.
+"""
 
 from hydroviews.cli.starting import begin
 
@@ -7,13 +10,20 @@ if __name__ == "__main__":
 
 import shlex
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
 import tyro
 
 from hydroviews.blender.embedded_scenes.captures import EMBEDDED
-from hydroviews.captures.catalogue.catalogue import Capture, all_captures, captures_root, locate
+from hydroviews.captures.catalogue.catalogue import (
+    Capture,
+    all_captures,
+    captures_root,
+    find_captures,
+    locate,
+)
 from hydroviews.captures.download.captures import download_captures
 from hydroviews.captures.panoramas import Panoramas, refuse_panoramas
 from hydroviews.captures.photographs import camera_notes, check_photographs
@@ -21,6 +31,7 @@ from hydroviews.captures.sfm.poses import FeatureKind, Matcher, estimate_poses
 from hydroviews.captures.video.capture import capture_video
 from hydroviews.captures.video.frames import FrameChoice
 from hydroviews.cli.commands import choices, run_command
+from hydroviews.cli.plugins import registered
 from hydroviews.dataset.contact_sheet import COLUMNS, write_sheets
 from hydroviews.dataset.manifest import built_scenes
 from hydroviews.dataset.sharing.fetch import fetch
@@ -35,14 +46,17 @@ from hydroviews.files.ownership import require_ours
 from hydroviews.formats.capture_json import FILE as CAPTURE
 from hydroviews.formats.capture_json import RAINY, read_capture_json
 from hydroviews.formats.photographs import FOLDERS, photographs_below
+from hydroviews.formats.read import has_cameras
 from hydroviews.profiles import PROFILES, Profile, find_profile
 from hydroviews.rain.registry import pattern_names
 from hydroviews.rain.scene_statistics import LensRenderer
 from hydroviews.scene.masks import MASKS
 
+COMMANDS = "hydroviews.commands"  # entry points: commands of other packages
+
 
 def build_command(
-    scene: str = "courtyard",
+    scene: Annotated[str, tyro.conf.Positional] = "courtyard",
     suite: Annotated[str | None, choices(known_suites(), "FILE.toml")] = None,
     out: Path | None = None,
     profile: Annotated[str, choices(PROFILES)] = "demo",
@@ -53,11 +67,13 @@ def build_command(
     captures: Path | None = None,
     overwrite: bool = False,
     repair: bool = False,
+    render: bool = False,
 ) -> None:
     """Build the clean views, cameras and rainy variants of a scene, or of every scene of a suite.
 
     Args:
-        scene: a name that `scenes` lists (courtyard, mipnerf360/garden), or a folder with images and cameras.
+        scene: a name that `hydroviews download` lists (courtyard, mipnerf360/garden), a folder with images and cameras,
+            or a folder of dry photographs, whose cameras are then estimated as by `poses`.
         suite: name of a suite, or a TOML file of your own; builds many scenes.
         out: the data folder, in which the scene becomes a folder. Default: `data/<profile>`.
         profile: image size, patterns, and number of views of an embedded scene.
@@ -68,6 +84,7 @@ def build_command(
         captures: the folder with captures. Default: $HYDROVIEWS_CAPTURES, else `captures`.
         overwrite: replace a scene that was built with other settings.
         repair: restore files of a finished scene that differ from the manifest.
+        render: render an embedded scene with Blender, even if the package contains its rendered views.
     """
     sizes, data = find_profile(profile), out or Path("data") / profile
     if suite is not None:
@@ -75,11 +92,11 @@ def build_command(
             raise InputError(
                 "--suite with --patterns, --long-side or --lens-renderer", fix="name patterns in a suite of your own"
             )
-        settings = {"captures": captures, "seed": seed, "overwrite": overwrite, "repair": repair}
+        settings = {"captures": captures, "seed": seed, "overwrite": overwrite, "repair": repair, "render": render}
         _build_suite(suite, data, sizes, settings)
         return
     folder = build_source(
-        scene,
+        _with_cameras(scene),
         data,
         sizes,
         patterns=patterns,
@@ -90,8 +107,20 @@ def build_command(
         overwrite=overwrite,
         repair=repair,
         captures=captures,
+        render=render,
     )
     print(f"built: {folder}")
+
+
+def _with_cameras(source: str) -> str:
+    """What to build: of a folder of photographs without cameras, the capture beside it, made first."""
+    folder = Path(source)
+    named = source in EMBEDDED or find_captures(source)
+    if named or not folder.is_dir() or has_cameras(folder) or not photographs_below(folder):
+        return source
+    out = _capture_beside(folder.resolve())
+    poses_command(folder, out)
+    return str(out)
 
 
 def _build_suite(name: str, data: Path, profile: Profile, settings: dict[str, Any]) -> None:
@@ -104,14 +133,41 @@ def _build_suite(name: str, data: Path, profile: Profile, settings: dict[str, An
         sys.exit(1)
 
 
-def scenes_command(captures: Path | None = None) -> None:
-    """List embedded scenes and published captures, with their source and place on this machine.
+def download_command(
+    name: Annotated[str, tyro.conf.Positional] = "",
+    captures: Path | None = None,
+    mirror: str | None = None,
+    out: Path | None = None,
+) -> None:
+    """List scenes and published captures, or download one: a capture, a collection, a packed variant; it resumes.
 
     Args:
-        captures: the folder with captures. Default: $HYDROVIEWS_CAPTURES, else `captures`.
+        name: such as mipnerf360/garden, or mipnerf360 for all of its scenes; the address (http(s)://...) or file of a
+            packed variant, `#sha256=...` at its end is the required checksum. Without a name: list what there is.
+        captures: the folder for captures. Default: $HYDROVIEWS_CAPTURES, else `captures`.
+        mirror: address of an archive, or of a folder with archives, to try first. Default: $HYDROVIEWS_MIRROR.
+        out: the data folder, for a packed variant.
     """
+    if not name:
+        _list_scenes(captures_root(captures))
+    elif is_packed(name):
+        if out is None:
+            raise InputError(f"{name}: a packed variant without a data folder", fix="add --out data/fetched")
+        print(f"ready: {fetch(name, out)}")
+    else:
+        for folder in download_captures(name, captures_root(captures), mirror):
+            print(f"ready: {folder}")
+
+
+def is_packed(name: str) -> bool:
+    """Whether a name is the address or the file of a packed variant, and not a capture's name."""
+    path = name.partition("#")[0]
+    return "://" in name or path.endswith(".zip") or Path(path).is_file()
+
+
+def _list_scenes(root: Path) -> None:
     rows = [(name, "modelled, rendered with Blender", "comes with the package") for name in EMBEDDED]
-    rows += [(one.name, one.title, _whereabouts(one, captures_root(captures))) for one in all_captures()]
+    rows += [(one.name, one.title, _whereabouts(one, root)) for one in all_captures()]
     widths = [max(len(row[column]) for row in rows) for column in (0, 1)]
     for name, origin, place in rows:
         print(f"{name:{widths[0]}}  {origin:{widths[1]}}  {place}")
@@ -122,20 +178,6 @@ def _whereabouts(capture: Capture, root: Path) -> str:
     if folder is not None:
         return f"here: {folder}"
     return f"to be downloaded, {capture.archive.gigabytes:g} GB" if capture.archive else "to be fetched by hand"
-
-
-def download_command(
-    name: Annotated[str, tyro.conf.Positional], captures: Path | None = None, mirror: str | None = None
-) -> None:
-    """Download a published capture or a whole collection; interrupted downloads resume.
-
-    Args:
-        name: such as mipnerf360/garden, or mipnerf360 for all of its scenes.
-        captures: the folder for captures. Default: $HYDROVIEWS_CAPTURES, else `captures`.
-        mirror: address of an archive, or of a folder with archives, to try first. Default: $HYDROVIEWS_MIRROR.
-    """
-    for folder in download_captures(name, captures_root(captures), mirror):
-        print(f"ready: {folder}")
 
 
 def verify_command(data: Annotated[Path, tyro.conf.Positional], every_view: bool = False) -> None:
@@ -201,7 +243,7 @@ def poses_command(
             write_json(out / CAPTURE, {**described, **RAINY})
     for note in (*scene.notes, *camera_notes(scene, out / "images")):
         print(note)
-    print(f"capture: {out}; build it with `python -m hydroviews build --scene {shlex.quote(str(out))}`")
+    print(f"capture: {out}; build it with `hydroviews build {shlex.quote(str(out))}`")
 
 
 def _capture_beside(images: Path) -> Path:
@@ -283,32 +325,19 @@ def pack_command(
         print(f"{digest}  {path}")
 
 
-def fetch_command(address: Annotated[str, tyro.conf.Positional], out: Path) -> None:
-    """Download a packed variant, check it and add it to a data folder; an interrupted download resumes.
-
-    Args:
-        address: http(s)://... or a file; `#sha256=...` at the end is the required checksum.
-        out: the data folder.
-    """
-    print(f"ready: {fetch(address, out)}")
+GROUPS: dict[str, dict[str, Callable[..., None] | str]] = {  # by what they are for
+    "do the three jobs": {"build": build_command, "reconstruct": "", "eval": ""},
+    "prepare photographs": {"poses": poses_command, "video": video_command, "download": download_command},
+    "look at a data set and share it": {"verify": verify_command, "sheet": sheet_command, "pack": pack_command},
+    "look at this machine": {"doctor": ""},
+}
 
 
 def main() -> None:
     """Entry point."""
-    run_command(
-        {
-            "build": build_command,
-            "scenes": scenes_command,
-            "verify": verify_command,
-            "sheet": sheet_command,
-            "poses": poses_command,
-            "video": video_command,
-            "download": download_command,
-            "pack": pack_command,
-            "fetch": fetch_command,
-        },
-        prog="hydroviews",
-    )
+    own = {name: command for group in GROUPS.values() for name, command in group.items()}
+    commands = {name: command or registered(COMMANDS).get(name, "") for name, command in own.items()}
+    run_command({name: command for name, command in commands.items() if command}, prog="hydroviews", groups=GROUPS)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""python -m leaderboard evaluate | sweep | check | table | compare | site | view | publish | board | ..."""
+"""leaderboard sweep | check | table | compare | site | view | publish | board | ...; one run is `hydroviews eval`."""
 
 from hydroviews.cli.starting import begin
 
@@ -24,7 +24,7 @@ from hydroviews.errors import InputError
 from hydroviews.profiles import find_profile
 from leaderboard.contract.check import MINUTES, check
 from leaderboard.contract.trials import Result
-from leaderboard.evaluate import EvaluateRequest, evaluate, figures, outcome
+from leaderboard.evaluate import figures, outcome
 from leaderboard.gather import BOARD, collect_views, is_board, read_leaderboard, write_leaderboard
 from leaderboard.publishing.board_pages import write_board
 from leaderboard.publishing.publish import publish
@@ -50,21 +50,13 @@ DATA = Path("data")  # where `make eval` builds
 SuiteName = Annotated[str, choices((TEST, DEVELOPMENT))]
 
 
-def evaluate_command(request: tyro.conf.OmitArgPrefixes[EvaluateRequest]) -> None:
-    """Run a method and the reference rows on a scene, building what is missing; print and write the tables."""
-    records = evaluate(request)
-    print(f"\n{outcome(records[-1], request.results)}")
-    if any(record.status != "done" for record in records):
-        sys.exit(1)
-
-
 def sweep_command(request: tyro.conf.OmitArgPrefixes[SweepRequest]) -> None:
     """Run a matrix of methods, scenes, patterns and seeds: what is done is skipped, what is missing is built."""
     failures = sweep(request)
     for run, reason in failures.items():
         print(f"{run}: failed: {reason}")
     if not request.slurm and (request.results / TABLES).is_file():
-        print(f"tables: {request.results / TABLES}; `python -m leaderboard site` shows them with pictures")
+        print(f"tables: {request.results / TABLES}; `leaderboard site` shows them with pictures")
     if failures:
         sys.exit(1)
 
@@ -151,9 +143,7 @@ def site_command(results: Path = Path("results"), data: Path = DATA) -> None:
         data: folder that the scenes were built in, for rainy and clean views.
     """
     if is_board(results):
-        raise InputError(
-            f"{results}: the board that ships", fix="`python -m leaderboard board` writes its pages elsewhere"
-        )
+        raise InputError(f"{results}: the board that ships", fix="`leaderboard board` writes its pages elsewhere")
     print(f"open {write_site(write_leaderboard(results), results, data)}")
 
 
@@ -322,7 +312,6 @@ def export_command(
 
 GROUPS: dict[str, dict[str, Callable[..., None]]] = {  # by what they are for
     "run": {
-        "evaluate": evaluate_command,
         "sweep": sweep_command,
         "check": check_command,
         "methods": methods_command,

@@ -9,9 +9,12 @@ A run: `carry_out` keeps a record that is done, else `_train_and_score`; `_train
 
 import dataclasses
 import logging
+import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
+
+import tyro
 
 from baselines.method import find_method
 from hydroviews.dataset.clean_views import CLEAN
@@ -55,10 +58,18 @@ logger = logging.getLogger(__name__)
 class EvaluateRequest(RunOptions):
     """A method and a scene to evaluate."""
 
-    method: MethodName  # a registered name, or package.module:Class; NAME+WRAPPER applies a wrapper
-    scene: str = "courtyard"  # a name that `python -m hydroviews scenes` lists, or a folder
+    method: tyro.conf.Positional[MethodName]  # a registered name, or package.module:Class; NAME+WRAPPER wraps a method
+    scene: str = "courtyard"  # a name that `hydroviews download` lists, or a folder
     seed: int = 0  # seed of the method; the data set keeps its own seed
     overwrite: bool = False  # replace scenes and runs that have other settings
+
+
+def evaluate_command(request: tyro.conf.OmitArgPrefixes[EvaluateRequest]) -> None:
+    """Run a method and the reference rows on a scene, building what is missing; print and write the tables."""
+    records = evaluate(request)
+    print(f"\n{outcome(records[-1], request.results)}")
+    if any(record.status != DONE for record in records):
+        sys.exit(1)
 
 
 def evaluate(request: EvaluateRequest) -> list[Record]:

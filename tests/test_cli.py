@@ -152,7 +152,7 @@ def test_a_reader_that_has_seen_enough_is_no_error():
         assert process.wait() == 141
 
 
-@pytest.mark.parametrize("package", ["hydroviews", "deraings", "leaderboard"])
+@pytest.mark.parametrize("package", ["hydroviews", "leaderboard"])
 def test_an_interruption_during_the_imports_has_no_traceback(package):
     """It comes when the first module of others is imported; Python would tell of it in the lines of that."""
     code = f"""

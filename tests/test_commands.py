@@ -38,22 +38,23 @@ def started(lines: str) -> list[list[str]]:
 def test_what_make_runs_is_taken_by_the_programs(target):
     for module, *arguments in started(make(target, *NEEDED)):
         known = documented_commands()
-        line = next(line for line in (f"python -m {module} {arguments[0]}", f"python -m {module}") if line in known)
-        problem = refusal(known[line], arguments[len(line.split()) - 3 :])
+        start = f"python -m {module}" if "." in module else module
+        problem = refusal(known[f"{start} {arguments[0]}"], arguments[1:])
         assert not problem, f"{module} {arguments}\n{problem}"
 
 
 @pytest.mark.parametrize(
     ("target", "settings", "expected"),
     [
-        ("eval", ["METHOD=a.b:C", "SEED=7"], ["evaluate", "--method", "a.b:C", "--seed", "7"]),
+        ("eval", ["METHOD=a.b:C", "SEED=7"], ["eval", "a.b:C", "--seed", "7"]),
         ("eval", ["PATTERNS=raindrop-0,streak-2"], ["--patterns", "raindrop-0", "streak-2"]),
         ("eval", ["OVERWRITE=1"], ["--overwrite"]),
         ("dataset", ["SUITE=paper", "SCENE=ignored"], ["build", "--suite", "paper"]),
         ("dataset", ["REPAIR=1"], ["--repair"]),
+        ("dataset", ["RENDER=1"], ["--render"]),
         ("severity", [], ["--patterns", *pattern_names()]),
         ("severity", [], ["table", "--cards", "data/demo"]),
-        ("ablation", [], ["--method", "deraings.method:RainModelOnly"]),
+        ("ablation", [], ["eval", "deraings.method:RainModelOnly"]),
         ("leaderboard", [], ["site"]),
         ("enhancer", [], ["--start", "results/enhancement/second/weights.safetensors"]),
     ],
@@ -111,6 +112,7 @@ def test_what_fails_fails_make(recorded, target):
         (("dataset", "DATA="), "DATA"),  # which would be the root of the disk
         (("eval", "SCENE=a\ntouch evil"), "SCENE"),
         (("eval", "OVERWRITE=no"), "OVERWRITE"),
+        (("dataset", "RENDER=yes"), "RENDER"),
         (("eval", "SUITE=paper"), "SUITE"),
         (("enhancer",), "PHOTOGRAPHS"),
         (("film",), "RUN"),
@@ -126,7 +128,7 @@ def test_settings_that_cannot_be_are_refused_by_make(recorded, arguments, settin
 def test_compare_runs_every_method_on_every_scene_with_every_seed_and_goes_on_after_a_failure(recorded):
     done = recorded("compare", "METHODS=bad good", "SCENES=courtyard room", "SEEDS=0 1")
     calls = [ast.literal_eval(line) for line in done.stdout.splitlines()]
-    asked = [tuple(call[call.index(f"--{name}") + 1] for name in ("method", "scene", "seed")) for call in calls]
+    asked = [tuple(call[call.index(name) + 1] for name in ("eval", "--scene", "--seed")) for call in calls]
     expected = [(method, scene, seed) for seed in "01" for scene in ("courtyard", "room") for method in ("bad", "good")]
     assert asked == expected
     assert done.returncode != 0
@@ -136,24 +138,26 @@ def test_compare_runs_every_method_on_every_scene_with_every_seed_and_goes_on_af
 def test_lists_name_what_there_is():
     methods = command("leaderboard", "methods").stdout.splitlines()
     assert {"3dgs", "deraings-plus", "NAME+enhance"} <= {line.split()[0] for line in methods}
-    scenes = command("hydroviews", "scenes", "--captures", "/nowhere").stdout.splitlines()
+    scenes = command("hydroviews", "download", "--captures", "/nowhere").stdout.splitlines()
     assert {"courtyard", "mipnerf360/garden"} <= {line.split()[0] for line in scenes}
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("leaderboard", "evaluate", "--method", "nerf-x"), "METHOD=nerf-x"),
-        (("leaderboard", "evaluate", "--method", "3dgs", "--profile", "huge"), "PROFILE=huge"),
-        (("leaderboard", "evaluate", "--method", "3dgs", "--patterns", "raindrup-1"), "raindrop-1"),
+        (("hydroviews", "eval", "nerf-x"), "METHOD=nerf-x"),
+        (("hydroviews", "eval", "3dgs", "--profile", "huge"), "PROFILE=huge"),
+        (("hydroviews", "eval", "3dgs", "--patterns", "raindrup-1"), "raindrop-1"),
         (("leaderboard", "check", "3dgs+fly"), "METHOD=3dgs+fly"),
         (("leaderboard", "table", "--results", "/nowhere"), "no finished run"),
         (("hydroviews", "verify", "/nowhere"), "no manifest.json"),
-        (("hydroviews", "build", "--scene", "/nowhere", "--out", "/nowhere"), "SCENE=/nowhere"),
+        (("hydroviews", "build", "/nowhere", "--out", "/nowhere"), "SCENE=/nowhere"),
         (("hydroviews", "poses", "/nowhere"), "0 photographs"),
         (("hydroviews", "build", "--suite", "/nowhere"), "SUITE=/nowhere"),
-        (("hydroviews", "build", "--scene", "360_v2/garden", "--captures", "/nowhere"), "download mipnerf360/garden"),
+        (("hydroviews", "build", "360_v2/garden", "--captures", "/nowhere"), "download mipnerf360/garden"),
         (("hydroviews", "download", "moon"), "moon"),
+        (("hydroviews", "download", "moon.zip"), "add --out data/fetched"),
+        (("hydroviews", "reconstruct", "/nowhere"), "/nowhere"),
         (("leaderboard", "score", "--pattern", "raindrop-1", "--results", "/nowhere"), "no such run"),
         (("leaderboard", "film", "/nowhere/x"), "no such run"),
         (("leaderboard", "export", "/nowhere/x", "--out", "/nowhere/x.ply"), "no such run"),
@@ -167,6 +171,23 @@ def test_bad_input_ends_with_a_plain_error(arguments, message):
 
 
 def test_the_leaderboard_has_as_many_commands_as_one_look_takes():
-    assert len([line for line in documented_commands() if line.startswith("python -m leaderboard ")]) <= 14
+    assert len([line for line in documented_commands() if line.startswith("leaderboard ")]) <= 14
     text = command("leaderboard", "--help").stdout
     assert all(f"To {group}: " in text for group in ("run", "look", "publish"))
+
+
+def test_the_front_door_has_ten_commands_and_the_three_jobs_come_first():
+    lines = [line.split()[1] for line in documented_commands() if line.startswith("hydroviews ")]
+    assert len(lines) <= 10
+    assert lines[:3] == ["build", "reconstruct", "eval"]
+    text = command("hydroviews", "--help").stdout
+    assert "To do the three jobs: build, reconstruct, eval." in text
+    assert "doctor" in text
+
+
+def test_a_command_imports_no_other_commands_modules():
+    code = "import sys; from hydroviews.__main__ import main; sys.argv = ['hydroviews', 'verify', '/nowhere']"
+    code += "\ntry:\n main()\nexcept SystemExit: print(*sorted({'leaderboard', 'deraings'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout.split() == [], done.stderr
+    assert "no manifest.json" in done.stderr

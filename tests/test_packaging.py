@@ -64,7 +64,9 @@ def test_constraints_pin_every_dependency():
 def test_pre_commit_and_workflows_call_what_there_is():
     workflow = (REPOSITORY / ".github/workflows/ci.yml").read_text()
     assert ".ci/run" in workflow
-    assert "make docs" in (REPOSITORY / ".github/workflows/docs.yml").read_text()
+    pages = (REPOSITORY / ".github/workflows/docs.yml").read_text()
+    assert all(f"- run: make {target} " in pages for target in ("docs", "board"))
+    assert "cp --recursive build/board build/site/board" in pages  # run pages link to records beside their folder
     assert re.findall(r"entry: \.venv/bin/(\w+)", (REPOSITORY / ".pre-commit-config.yaml").read_text()) == [
         "ruff",
         "ruff",

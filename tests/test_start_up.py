@@ -17,7 +17,7 @@ import pytest
         ("hydroviews.__main__", {"torch", "pandas", "numba", "scipy"}),
         # every command, before it is known which
         (
-            "hydroviews.__main__, leaderboard.__main__, deraings.__main__",
+            "hydroviews.__main__, leaderboard.__main__, leaderboard.evaluate, leaderboard.doctor, deraings.reconstruct",
             {"torch", "numba", "viser", "bpy", "scipy"},
         ),
     ],

@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from baselines.cr_nerf.config import PROFILES
 from baselines.cr_nerf.losses import cr_nerf_losses
 from baselines.cr_nerf.model import CrNerfModel
-from baselines.method import TrainingSummary
+from baselines.method import Citation, TrainingSummary
 from baselines.volumetric.batches import Draw
 from baselines.volumetric.grids import grids
 from baselines.volumetric.losses import Loss
@@ -43,6 +43,15 @@ from baselines.volumetric.spaces import Space
 
 class CrNerf(RadianceMethod):
     """CR-NeRF (Yang et al. 2023): a field of features; colours depend on all rays and the style of a photograph."""
+
+    citation = Citation(
+        title="CR-NeRF",
+        paper="Cross-Ray Neural Radiance Fields for Novel-view Synthesis from Unconstrained Image Collections",
+        year=2023,
+        link="https://arxiv.org/abs/2307.08093",
+        code="https://github.com/YifYang993/CR-NeRF-PyTorch",
+        licence="BSD-3-Clause",
+    )
 
     profiles: ClassVar[Mapping[str, Any]] = PROFILES
 

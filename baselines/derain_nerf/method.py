@@ -28,7 +28,7 @@ from tqdm import tqdm
 from baselines.derain_nerf.raindrop_attention.detection import detect
 from baselines.derain_nerf.raindrop_attention.network import DerainGenerator
 from baselines.derain_nerf.raindrop_attention.weights import find_weights, load_detector
-from baselines.method import TrainingSummary
+from baselines.method import Citation, TrainingSummary
 from baselines.training.images import TrainingImages
 from baselines.volumetric.config import NERF, VolumetricConfig
 from baselines.volumetric.method import RadianceMethod
@@ -69,6 +69,13 @@ PROFILES = {
 
 class DerainNeRF(RadianceMethod):
     """DerainNeRF (Li et al. 2024): a radiance field that ignores pixels with detected drops."""
+
+    citation = Citation(
+        title="DerainNeRF",
+        paper="DerainNeRF: 3D Scene Estimation with Adhesive Waterdrop Removal",
+        year=2024,
+        link="https://arxiv.org/abs/2403.20013",
+    )
 
     profiles: ClassVar[Mapping[str, Any]] = PROFILES
 

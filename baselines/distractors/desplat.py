@@ -33,6 +33,7 @@ from baselines.distractors.view_layers import (
     render_layer,
 )
 from baselines.gaussian_splatting import GaussianSplatting, warn_if_hidden
+from baselines.method import Citation
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import Plane, photometric_loss
@@ -137,6 +138,14 @@ SHORT_LAYERS = LayerConfig(
 
 class DeSplat(GaussianSplatting):
     """DeSplat (Wang et al. 2025): each view has its own layer of Gaussians for distractors."""
+
+    citation = Citation(
+        title="DeSplat",
+        paper="DeSplat: Decomposed Gaussian Splatting for Distractor-Free Rendering",
+        year=2025,
+        link="https://arxiv.org/abs/2411.19756",
+        code="https://github.com/AaltoML/desplat",
+    )
 
     profiles: ClassVar[Mapping[str, Any]] = {
         "demo": DeSplatConfig(PROFILES_WITHOUT_RESETS["demo"], SHORT_LAYERS),

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from baselines.distractors.trimming import TrimConfig, TrimmedMethod, TrimmedObjective
+from baselines.method import Citation
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting_profiles import PROFILES_WITHOUT_RESETS
 from baselines.training.images import read_images
@@ -33,6 +34,13 @@ SHORT_TRIM = TrimConfig(inlier_share=0.9)
 
 class RobustFilter(TrimmedMethod):
     """Splatting that ignores pixels with large residuals (RobustNeRF's filter)."""
+
+    citation = Citation(
+        title="Filter of RobustNeRF, on splatting",
+        paper="RobustNeRF: Ignoring Distractors with Robust Losses",
+        year=2023,
+        link="https://arxiv.org/abs/2302.00833",
+    )
 
     profiles: ClassVar[Mapping[str, Any]] = {
         "demo": RobustFilterConfig(PROFILES_WITHOUT_RESETS["demo"], SHORT_TRIM),

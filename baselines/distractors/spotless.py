@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from baselines.distractors.mask_network import MaskNetwork, MaskNetworkConfig, frozen
 from baselines.distractors.trimming import TrimConfig, TrimmedMethod, TrimmedObjective
+from baselines.method import Citation
 from baselines.splatting.backends.base import GSPLAT
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.kernels.photometric import Plane
@@ -86,6 +87,13 @@ SHORT_NETWORK = MaskNetworkConfig("vgg", rate=5e-3, prior=0.9)
 
 class Spotless(TrimmedMethod):
     """SpotLessSplats (Sabour et al. 2025): a network on frozen features predicts the pixels to ignore."""
+
+    citation = Citation(
+        title="SpotLessSplats",
+        paper="SpotLessSplats: Ignoring Distractors in 3D Gaussian Splatting",
+        year=2025,
+        link="https://arxiv.org/abs/2406.20055",
+    )
 
     extra: ClassVar[int] = 0  # planes that the network sees beside the features
     profiles: ClassVar[Mapping[str, Any]] = {

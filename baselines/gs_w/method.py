@@ -31,7 +31,7 @@ from baselines.gs_w.fusion import Fusion
 from baselines.gs_w.mean_appearance import average_features, coloured_for, mean_colours
 from baselines.gs_w.objective import VisibleObjective
 from baselines.gs_w.weights import encoder_used, load_resnet, with_named_weights
-from baselines.method import TrainingSummary
+from baselines.method import Citation, TrainingSummary
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.schedule import LearningRates
@@ -58,6 +58,14 @@ class GSWConfig:
 
 class GaussianInTheWild(GaussianSplatting):
     """GS-W (Zhang et al. 2024): splatting with appearance per view and a visibility mask."""
+
+    citation = Citation(
+        title="Gaussian in the Wild",
+        paper="Gaussian in the Wild: 3D Gaussian Splatting for Unconstrained Image Collections",
+        year=2024,
+        link="https://arxiv.org/abs/2403.15704",
+        code="https://github.com/EastbeanZhang/Gaussian-Wild",
+    )
 
     profiles: ClassVar[Mapping[str, Any]] = {
         "demo": GSWConfig(PROFILES_WITH_NETWORKS["demo"], SHORT),

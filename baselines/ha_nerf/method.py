@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from baselines.ha_nerf.config import PROFILES
 from baselines.ha_nerf.losses import ha_nerf_losses
 from baselines.ha_nerf.model import HaNerfModel
-from baselines.method import TrainingSummary
+from baselines.method import Citation, TrainingSummary
 from baselines.volumetric.batches import Draw
 from baselines.volumetric.grids import grids
 from baselines.volumetric.losses import Loss
@@ -42,6 +42,14 @@ from baselines.volumetric.spaces import Space
 
 class HaNerf(RadianceMethod):
     """Ha-NeRF (Chen et al. 2022): a radiance field with appearance from photographs and masks of transient pixels."""
+
+    citation = Citation(
+        title="Ha-NeRF",
+        paper="Hallucinated Neural Radiance Fields in the Wild",
+        year=2022,
+        link="https://arxiv.org/abs/2111.15246",
+        code="https://github.com/rover-xingyu/Ha-NeRF",
+    )
 
     profiles: ClassVar[Mapping[str, Any]] = PROFILES
 

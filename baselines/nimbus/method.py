@@ -16,6 +16,7 @@ from typing import Any, ClassVar
 import torch
 
 from baselines.gaussian_splatting import GaussianSplatting
+from baselines.method import Citation
 from baselines.nimbus.config import MediumConfig, NimbusConfig, ResidualConfig
 from baselines.nimbus.medium import Medium
 from baselines.nimbus.objective import NimbusObjective
@@ -39,6 +40,12 @@ SHORT_RESIDUAL = ResidualConfig(threshold=0.07, first=0.75)
 
 class Nimbus(GaussianSplatting):
     """NimbusGS (2026): a medium in space, if the photographs show one, and a residual per view."""
+
+    citation = Citation(
+        title="NimbusGS",
+        year=2026,
+        link="https://arxiv.org/abs/2603.27228",
+    )
 
     profiles: ClassVar[Mapping[str, Any]] = {
         "demo": NimbusConfig(PROFILES_WITHOUT_RESETS["demo"], SHORT_MEDIUM, SHORT_RESIDUAL),

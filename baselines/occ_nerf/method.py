@@ -20,7 +20,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from baselines.method import TrainingSummary
+from baselines.method import Citation, TrainingSummary
 from baselines.occ_nerf.config import OccNerfConfig
 from baselines.occ_nerf.losses import occ_nerf_losses
 from baselines.occ_nerf.model import OccNerfModel
@@ -52,6 +52,12 @@ PROFILES = {
 
 class OccNerf(RadianceMethod):
     """Occlusion-free NeRF (Zhu et al. 2023): one field of everything selects the pixels of a background field."""
+
+    citation = Citation(
+        title="Occlusion-free NeRF",
+        paper="Occlusion-Free Scene Recovery via Neural Radiance Fields",
+        year=2023,
+    )
 
     profiles: ClassVar[Mapping[str, Any]] = PROFILES
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.gaussian_splatting import MASKED, GaussianSplatting
-from baselines.method import TrainingSummary
+from baselines.method import Citation, TrainingSummary
 from baselines.splatting.backends.base import GSPLAT
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.initialisation import scene_extent
@@ -165,6 +165,15 @@ class WildGaussians(GaussianSplatting):
 
     The trained model has the mean appearance: ordinary Gaussians.
     """
+
+    citation = Citation(
+        title="WildGaussians",
+        paper="WildGaussians: 3D Gaussian Splatting in the Wild",
+        year=2024,
+        link="https://arxiv.org/abs/2407.08447",
+        code="https://github.com/jkulhanek/wild-gaussians",
+        licence="MIT; its renderer: Gaussian-Splatting License (research and evaluation only)",
+    )
 
     profiles: ClassVar[Mapping[str, Any]] = PROFILES
 

@@ -26,7 +26,7 @@ from typing import Any, ClassVar
 from baselines.gaussian_splatting import MASKED, GaussianSplatting
 from baselines.gs_w.objective import VisibleObjective
 from baselines.gs_w.weights import encoder_used, load_resnet, with_named_weights
-from baselines.method import TrainingSummary
+from baselines.method import Citation, TrainingSummary
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.initialisation import scene_extent
 from baselines.splatting_profiles import PROFILES_WITH_NETWORKS, with_iterations
@@ -51,6 +51,13 @@ class WildGS(GaussianSplatting):
 
     The trained model has the mean appearance: ordinary Gaussians.
     """
+
+    citation = Citation(
+        title="Wild-GS",
+        paper="Wild-GS: Real-Time Novel View Synthesis from Unconstrained Photo Collections",
+        year=2024,
+        link="https://arxiv.org/abs/2406.10373",
+    )
 
     profiles: ClassVar[Mapping[str, Any]] = {
         "demo": WildGSConfig(PROFILES_WITH_NETWORKS["demo"], SHORT),

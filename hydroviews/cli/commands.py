@@ -1,5 +1,6 @@
 """How every command of the project runs and ends."""
 
+import importlib
 import os
 import signal
 import sys
@@ -18,14 +19,14 @@ HELP = "With any command, anywhere: --verbose shows times, modules and details, 
 
 
 def run_command(
-    commands: Mapping[str, Callable[..., Any]] | Callable[..., Any],
+    commands: Mapping[str, Callable[..., Any] | str] | Callable[..., Any],
     prog: str,
     groups: Mapping[str, Iterable[str]] | None = None,
 ) -> None:
     """Run the named subcommand, or the one command there is, with messages shown as asked for.
 
     Args:
-        commands: by name.
+        commands: by name; a text, `package.module:function`, is imported once it is asked for.
         prog: the program's name, for its help.
         groups: names of commands by what they are for, for the help.
 
@@ -43,9 +44,12 @@ def run_command(
         show_logs()
         if callable(commands):
             tyro.cli(commands, prog=prog, args=arguments)
+        elif arguments and arguments[0] in commands:  # no other command's module is imported
+            tyro.cli(imported(commands[arguments[0]]), prog=f"{prog} {arguments[0]}", args=arguments[1:])
         else:
             text = "\n\n".join([*(f"To {what}: {', '.join(names)}." for what, names in (groups or {}).items()), HELP])
-            tyro.extras.subcommand_cli_from_dict(dict(commands), prog=prog, description=text, args=arguments)
+            known = {name: imported(command) for name, command in commands.items()}
+            tyro.extras.subcommand_cli_from_dict(known, prog=prog, description=text, args=arguments)
     except InputError as error:
         _refuse(error)
     except PermissionError as error:
@@ -59,6 +63,15 @@ def run_command(
         _end("\ninterrupted; the same command goes on from here", 130)
     except Ended as end:
         _end(ENDED.format(end.name), end.code)
+
+
+def imported(command: Callable[..., Any] | str) -> Callable[..., Any]:
+    """A command's function, which may be given as `package.module:function`."""
+    if callable(command):
+        return command
+    module, _, function = command.partition(":")
+    found: Callable[..., Any] = getattr(importlib.import_module(module), function)
+    return found
 
 
 def _end(text: str, status: Any) -> NoReturn:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from hydroviews.blender.embedded_scenes.captures import EMBEDDED, read_embedded, render_embedded
+from hydroviews.blender.embedded_scenes.captures import EMBEDDED, VERSION, read_embedded, render_embedded
 from hydroviews.captures.catalogue.catalogue import (
     Capture,
     MissingCapture,
@@ -15,6 +15,7 @@ from hydroviews.captures.catalogue.catalogue import (
     find_captures,
     locate,
 )
+from hydroviews.captures.packed.archives import forget_unpacked, unpack
 from hydroviews.dataset.build import build
 from hydroviews.dataset.drop_masks import write_drop_masks
 from hydroviews.dataset.manifest import MANIFEST
@@ -39,8 +40,10 @@ RENDERED = "captures"  # embedded scenes as rendered, beside the built ones
 RESERVED = (MANIFEST, RENDERED)  # what a data folder holds beside its scenes
 
 
-def find_capture(source: str, rendered: Path, views: int, long_side: int, captures: Path | None = None) -> Scene:
-    """The capture of that name, rendered if it is an embedded scene, or the one in that folder.
+def find_capture(
+    source: str, rendered: Path, views: int, long_side: int, captures: Path | None = None, *, render: bool = False
+) -> Scene:
+    """The capture of that name, unpacked or rendered if it is an embedded scene, or the one in that folder.
 
     Args:
         source: an embedded scene (courtyard), a published one (mipnerf360/garden, or garden alone), or a folder with
@@ -49,6 +52,7 @@ def find_capture(source: str, rendered: Path, views: int, long_side: int, captur
         views: number of views of an embedded scene.
         long_side: pixels of the longer side that is wanted, and an embedded scene's width.
         captures: the folder with published captures; see `catalogue.captures_root`.
+        render: render an embedded scene even if the package has it as rendered.
 
     Raises:
         InputError: neither a name nor a folder, a capture that is not on this machine, or an unreadable one.
@@ -58,10 +62,16 @@ def find_capture(source: str, rendered: Path, views: int, long_side: int, captur
         folder = rendered / f"{source}-{views}-{width}x{height}"
         with locked(folder, BUSY):
             remove_leftovers(folder)
+            if render:
+                forget_unpacked(folder)
+            else:
+                unpack(folder, VERSION)
             render_embedded(source, folder, views, width, height, seed=0)
         if Path(source).is_dir():
             logger.info("%s: the embedded scene; the folder of that name here is ./%s", source, source)
         return read_embedded(source, folder)
+    if render:
+        raise InputError(f"SCENE={source}: not rendered here", expected=f"with --render one of {', '.join(EMBEDDED)}")
     root = captures_root(captures)
     published = find_captures(source)
     if len(published) == 1:
@@ -137,6 +147,7 @@ def build_source(
     overwrite: bool = False,
     repair: bool = False,
     captures: Path | None = None,
+    render: bool = False,
 ) -> Path:
     """Build a capture and the named patterns under `out`; keeps what is there.
 
@@ -152,6 +163,7 @@ def build_source(
         overwrite: drop what was built from another request or drawn by other code.
         repair: make changed files of a finished scene again.
         captures: the folder with published captures.
+        render: see `find_capture`.
 
     Returns:
         The built scene's folder.
@@ -165,10 +177,12 @@ def build_source(
     long_side = profile.long_side if long_side is None else long_side
     named = choose_patterns(patterns, ())  # refuses a wrong name before anything is rendered
     usual = choose_patterns((), profile.patterns if all_patterns else ())
-    fetched = None if overwrite or repair else find_fetched(source, out, named, usual, long_side, seed, lens_renderer)
+    fresh = overwrite or repair or render
+    fetched = None if fresh else find_fetched(source, out, named, usual, long_side, seed, lens_renderer)
     if fetched:
         return fetched
-    scene = _beside(RESERVED, find_capture(source, out / RENDERED, profile.embedded_views, long_side, captures))
+    views = profile.embedded_views
+    scene = _beside(RESERVED, find_capture(source, out / RENDERED, views, long_side, captures, render=render))
     for note in scene.notes:
         logger.info("%s: %s", scene.name, note)
     with locked(out / scene.name, BUSY):

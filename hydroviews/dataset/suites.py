@@ -97,6 +97,7 @@ def build_suite(
     seed: int | None = None,
     overwrite: bool = False,
     repair: bool = False,
+    render: bool = False,
 ) -> dict[str, InputError]:
     """Build every scene of a suite; one that cannot be built does not hold up the others.
 
@@ -108,6 +109,7 @@ def build_suite(
         seed: of the rain; a scene that is already there keeps its own if None.
         overwrite: drop scenes that were built from other requests.
         repair: make changed files of finished scenes again.
+        render: see `sources.find_capture`.
 
     Returns:
         What kept scenes from being built, by their names: empty when all is there.
@@ -127,6 +129,7 @@ def build_suite(
                 seed=seed,
                 overwrite=overwrite,
                 repair=repair,
+                render=render,
             )
         except InputError as error:
             logger.info("  not built: %s", str(error).splitlines()[0])

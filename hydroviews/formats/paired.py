@@ -115,7 +115,7 @@ def _refuse_without_cameras(name: str, pictures: Pictures, pairs: Sequence[Pair]
                 found=f"cameras for {some(sorted(pair.view.path.name for pair in pairs))}; {kind} are "
                 f"{some(sorted(path.name for path in files.values()))}",
                 expected="the names that the cameras have, or cameras for all photographs in one file",
-                fix="rename the photographs, or estimate all poses together: python -m hydroviews poses FOLDER_OF_BOTH",
+                fix="rename the photographs, or estimate all poses together: hydroviews poses FOLDER_OF_BOTH",
             )
 
 

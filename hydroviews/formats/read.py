@@ -160,5 +160,5 @@ def _read_cameras(folder: Path, name: str, images: str | None) -> Scene:
         f"{folder}: no cameras",
         found=f"{count} photographs and no camera file" if count else nothing,
         expected=f"sparse/0, {nerfstudio.CAMERA_FILE} or {llff.CAMERA_FILE}",
-        fix="estimate the poses: python -m hydroviews poses IMAGES" if count else "check the path",
+        fix="estimate the poses: hydroviews poses IMAGES" if count else "check the path",
     )

@@ -62,7 +62,7 @@ def _copy_runs(board: Path, out: Path) -> None:
         raise InputError(f"{out}: the board itself", fix="choose another folder with --out")
     names = {folder.relative_to(board) for folder in run_folders(board)}
     if not names:
-        raise InputError(f"{board}: no published run", fix="python -m leaderboard publish --results FOLDER")
+        raise InputError(f"{board}: no published run", fix="leaderboard publish --results FOLDER")
     ownership.claim_new(out)
     for folder in run_folders(out):
         if folder.relative_to(out) not in names:
@@ -72,7 +72,7 @@ def _copy_runs(board: Path, out: Path) -> None:
         raise InputError(
             f"{board}: runs that cannot be shown",
             found="; ".join(f"{name}: {reason}" for name, reason in left_out.items()),
-            expected="runs as python -m leaderboard publish writes them",
+            expected="runs as leaderboard publish writes them",
             fix="restore them, or remove their folders",
         )
 

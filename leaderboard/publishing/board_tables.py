@@ -19,6 +19,7 @@ import re
 from collections.abc import Iterator, Sequence
 from itertools import product
 
+import numpy as np
 import pandas as pd
 
 from hydroviews.dataset.clean_views import CLEAN
@@ -32,14 +33,14 @@ from leaderboard.tables.comparison import differences, scene_scores
 from leaderboard.tables.dataframes import grade_of, share_of_gap
 from leaderboard.tables.markdown import score_cells
 from leaderboard.tables.means import RUN, Compared, compared_runs, method_means, shown_names
-from leaderboard.tables.statistics import estimate
+from leaderboard.tables.statistics import LEAST_SCENES, estimate
 
 START, END = "<!-- board: ", "<!-- /board -->"
 BLOCK = re.compile(rf"{START}(\S+) (suites|scenes|methods) (\S+(?: \S+)*) -->\s*\n(.*?){END}", re.DOTALL)
 NAME = re.compile(r"`([^`]+)`")
 SUITES_LEGEND = (
     f"PSNR in dB, mean over scenes. Brackets: gain over `{FLOOR}` ± half the width of its 95 % confidence interval "
-    "over scenes."
+    f"over scenes, from {LEAST_SCENES} scenes on."
 )
 SCENES_LEGEND = f"PSNR in dB. Brackets: share of the gap between `{FLOOR}` and `{CEILING}`."
 SECONDS = "seconds"  # the head of a last column of costs
@@ -251,7 +252,7 @@ def _gains(views: pd.DataFrame, compared: Compared, pattern: str) -> dict[str, s
         return {}
     scenes = scene_scores(own, "psnr", [FLOOR, *names], compared.runs)
     found = estimate(differences(scenes, [(i, 0) for i in range(1, len(names) + 1)]))
-    halves = (found.high - found.low) / 2
+    halves = (found.high - found.low) / 2 if len(scenes) >= LEAST_SCENES else np.full(len(names), math.nan)
     return {
         name: f" ({gain:+.2f})" if math.isnan(half) else f" ({gain:+.2f} ± {half:.2f})"
         for name, gain, half in zip(names, found.mean, halves, strict=True)

@@ -108,7 +108,7 @@ def _faults(name: Path, run: _Run, submitted: bool) -> Iterator[str]:
     if "-dirty" in run.record.version:
         yield f"{name}: of a changed checkout, version {run.record.version}; evaluate it with code that is committed"
     if run.schema != SCHEMA:
-        yield f"{name}: record of schema {run.schema}, expected {SCHEMA}; python -m leaderboard score writes it anew"
+        yield f"{name}: record of schema {run.schema}, expected {SCHEMA}; leaderboard score writes it anew"
     if run.record.submitted_by and not submitted:
         yield f"{name}: submitted by {run.record.submitted_by}; --submitted takes it"
 

@@ -75,13 +75,11 @@ def page_name(*names: str) -> str:
 
 
 def _command(row: Mapping[str, Any]) -> str:
-    options = {"method": row["method"], "scene": row["scene"]}
+    options = {"scene": row["scene"]}
     if row["pattern"] not in (CLEAN, CAPTURED):
         options["patterns"] = row["pattern"]
     options |= {name: str(row[name]) for name in ("profile", "seed", "track")}
-    return shlex.join(
-        ["python", "-m", "leaderboard", "evaluate", *(w for k, v in options.items() for w in (f"--{k}", v))]
-    )
+    return shlex.join(["hydroviews", "eval", row["method"], *(w for k, v in options.items() for w in (f"--{k}", v))])
 
 
 def _files(folder: Path, results: Path) -> tuple[tuple[str, str], ...]:

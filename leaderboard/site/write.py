@@ -1,5 +1,6 @@
 """Writes the pages: an index, a page a scene, a page a run."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,43 +10,57 @@ import pandas as pd
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from tqdm import tqdm
 
+from baselines.method import METHODS, Citation, citation_of
+from hydroviews.cli.plugins import registered
 from hydroviews.dataset.suites import suite_of
 from hydroviews.files import ownership
 from hydroviews.files.atomic import write_bytes
 from hydroviews.files.full_disk import plain_write_errors
 from hydroviews.files.locks import BUSY, locked
 from hydroviews.metrics import find_metrics
+from hydroviews.profiles import PROFILES
 from hydroviews.rain.patterns import GRADES
-from leaderboard.gather import collect_views
+from leaderboard.records import FLOOR, GIVEN_POSES, RAINY_POSES, SPARSE_VIEWS, effect_of
 from leaderboard.site.hidden_pictures import hidden_pictures
-from leaderboard.site.intervals import Told, comparisons
 from leaderboard.site.learning_curves import learning_curves
 from leaderboard.site.pareto import Plot, draw
 from leaderboard.site.pictures import Pictures, Thumbnails, scene_pictures
 from leaderboard.site.runs import ShownRun, page_name, shown_runs
-from leaderboard.tables.dataframes import SuiteTables, Tables, all_tables
-from leaderboard.tables.markdown import COST_TITLES, SHARED, basis, cost_text
-from leaderboard.tables.means import incomplete, places
+from leaderboard.tables.dataframes import cost_means, rows_of, scene_keys, suite_keys
+from leaderboard.tables.markdown import COST_TITLES, cost_text
+from leaderboard.tables.means import blocks, shown_names
 from leaderboard.tables.paper_numbers import NOTE, published_scores
+from leaderboard.tables.rankings import Ranking, rankings
+from leaderboard.tables.statistics import LEAST_SCENES
 
 SITE = "site"  # in a results folder
 INDEX = "index.html"
 ASSETS = ("style.css", "script.js")
 PLOTTED = ("train_s", "peak_mem_mb", "model_mb", "n_primitives")
+TRACK_TITLES = {
+    GIVEN_POSES: "known cameras",
+    SPARSE_VIEWS: "known cameras, a third of the training views",
+    RAINY_POSES: "cameras estimated from rainy photographs",
+}
+LEGEND = (
+    f"Each number is a mean over the scenes that the method has. Gain: mean difference to {FLOOR} in PSNR, in pairs of "
+    f"runs on the same data, with its 95 % confidence interval over scenes from {LEAST_SCENES} scenes on. Methods are "
+    "ranked by gain; on the same scenes this is the order of their means. The sign ≈ marks a method whose difference "
+    "to the row above has an interval that holds 0. Grey: fewer scenes than other methods. Bold: best of the methods "
+    "with most scenes. Without a rank: trained on clean views."
+)
 FILTERS = ("profile", "track", "suite", "scene", "effect", "grade", "status")
 
 
 @dataclass(frozen=True)
 class SuitePart:
-    """What the index tells of a profile, track and suite (empty: scenes of none) on some runs: see `Block`."""
+    """What the index has of a profile, track and suite (empty: scenes of none)."""
 
     profile: str
     track: str
     suite: str
-    shared: bool  # of all methods, on the runs that all of them have
-    told: list[Told]
-    tables: SuiteTables
-    plots: list[Plot]
+    rankings: list[Ranking]
+    plots: list[Plot]  # of the runs that all methods have
 
 
 @dataclass(frozen=True)
@@ -57,7 +72,7 @@ class ScenePage:
     track: str
     suite: str
     page: str
-    tables: list[pd.DataFrame]  # see `tables.scene_tables`
+    rankings: list[Ranking]
     pictures: Mapping[str, Pictures]
     hidden: Mapping[str, Pictures]
 
@@ -82,10 +97,10 @@ def write_site(table: pd.DataFrame, results: Path, data: Path) -> Path:
             for folder in ("runs", "scenes", "pictures"):
                 (out / folder).mkdir(parents=True, exist_ok=True)
             ownership.claim(out)
-        runs, tables = shown_runs(table, results), all_tables(table)
+        runs = shown_runs(table, results)
         thumbnails = Thumbnails(out / "pictures")
-        scenes = _scenes(runs, tables, data, thumbnails)
-        written = _write_pages(out, runs, scenes, _suites(table, tables, results))
+        scenes = _scenes(table, runs, data, thumbnails)
+        written = _write_pages(out, runs, scenes, _suites(table))
         kept = written | {thumbnails.folder / name for name in thumbnails.written}
         for folder in ("runs", "scenes", "pictures"):
             for path in set((out / folder).iterdir()) - kept:
@@ -93,29 +108,26 @@ def write_site(table: pd.DataFrame, results: Path, data: Path) -> Path:
     return out / INDEX
 
 
-def _suites(table: pd.DataFrame, tables: Tables, results: Path) -> list[SuitePart]:
-    views = collect_views(table, results)
+def _suites(table: pd.DataFrame) -> list[SuitePart]:
     parts = []
-    for keys in tables.suites:
-        profile, track, suite = keys
-        own = views[(views.profile == profile) & (views.track == track) & (views.suite == suite)]
-        for shared, by_suite in ((False, tables.suites), (True, tables.shared_suites)):
-            if keys in by_suite:
-                found = by_suite[keys]
-                plots = [draw(found.costs, name, COST_TITLES[name], find_metrics()[0]) for name in PLOTTED]
-                told = comparisons(table.loc[found.rows.index], own)
-                parts.append(SuitePart(*keys, shared, told, found, [plot for plot in plots if plot]))
+    for keys in suite_keys(table):
+        rows = rows_of(table, *keys)
+        costs = cost_means(blocks(rows)[-1].rows)
+        plots = [draw(costs, name, COST_TITLES[name], find_metrics()[0]) for name in PLOTTED]
+        parts.append(SuitePart(*keys, rankings(rows), [plot for plot in plots if plot]))
     return parts
 
 
-def _scenes(runs: list[ShownRun], tables: Tables, data: Path, thumbnails: Thumbnails) -> list[ScenePage]:
+def _scenes(table: pd.DataFrame, runs: list[ShownRun], data: Path, thumbnails: Thumbnails) -> list[ScenePage]:
     pages = []
-    for keys, found in tables.scenes.items():
+    for scene, profile, track in scene_keys(table):
+        keys = (scene, profile, track)
+        rows = table[(table.scene == scene) & (table.profile == profile) & (table.track == track)]
         own = [run for run in runs if tuple(run.record[key] for key in ("scene", "profile", "track")) == keys]
         pictures = scene_pictures(own, data, thumbnails)
         hidden = hidden_pictures(own, data, thumbnails)
-        shown = [found, *([tables.shared_scenes[keys]] if keys in tables.shared_scenes else [])]
-        pages.append(ScenePage(*keys, suite_of(keys[0]), page_name(*keys), shown, pictures, hidden))
+        ranked = rankings(rows.assign(method=shown_names(rows)))
+        pages.append(ScenePage(*keys, suite_of(scene), page_name(*keys), ranked, pictures, hidden))
     return pages
 
 
@@ -123,7 +135,14 @@ def _write_pages(out: Path, runs: list[ShownRun], scenes: list[ScenePage], suite
     pages = environment()
     addresses = {(scene.name, scene.profile, scene.track): scene.page for scene in scenes}
     pictured = any(scene.pictures for scene in scenes)
-    own = {"runs": runs, "scenes": scenes, "suites": suites, "filters": _filters(runs), "pictured": pictured}
+    own: dict[str, Any] = {
+        "runs": runs,
+        "scenes": scenes,
+        "suites": suites,
+        "filters": _filters(runs),
+        "pictured": pictured,
+    }
+    own["cited"] = _cited(runs)
     texts = {out / INDEX: pages.get_template(INDEX).render(root="", **own)}
     for scene in scenes:
         texts[out / "scenes" / scene.page] = pages.get_template("scene.html").render(root="../", scene=scene)
@@ -138,6 +157,13 @@ def _write_pages(out: Path, runs: list[ShownRun], scenes: list[ScenePage], suite
         if not path.is_file() or path.read_bytes() != text.encode():
             write_bytes(path, text.encode())
     return set(texts)
+
+
+def _cited(runs: list[ShownRun]) -> dict[str, Citation]:
+    """What the registered methods of some runs follow, by name, without wrappers."""
+    names = sorted({run.record["method"].partition("+")[0] for run in runs if not run.record["submitted_by"]})
+    found = {name: citation_of(name) for name in names if name in registered(METHODS)}
+    return {name: citation for name, citation in found.items() if citation}
 
 
 def _filters(runs: list[ShownRun]) -> dict[str, list[str]]:
@@ -169,22 +195,12 @@ def environment() -> Environment:
         "FILTERS": FILTERS,
         "filter_value": filter_value,
         "cost_text": cost_text,
-        "effects_of": lambda table: list(dict.fromkeys(table.columns.get_level_values(0))),
-        "block_of": lambda table, effect: table[effect].dropna(subset=["finished"]),
         "paper_of": lambda scene, effect: published_scores(scene, effect).to_dict("index"),
-        "basis": basis,
-        "shared_title": SHARED,
-        "rows": _rows,
+        "effect_of": effect_of,
+        "floor": FLOOR,
+        "legend": LEGEND,
+        "sides": {name: profile.long_side for name, profile in PROFILES.items()},
+        "tracks": TRACK_TITLES,
+        "isnan": math.isnan,
     }
     return pages
-
-
-def _rows(means: pd.DataFrame) -> list[dict[str, Any]]:
-    """A table's rows for a template: numbers, None where there is none, with `place` by metric and `missing`."""
-    place = {metric.name: places(means, metric) for metric in find_metrics()}
-    return [
-        {str(name): None if pd.isna(value) else value for name, value in row.items()}
-        | {"method": str(method), "missing": incomplete(row)}
-        | {"place": {name: found.get(str(method)) for name, found in place.items()}}
-        for method, row in means.to_dict("index").items()
-    ]

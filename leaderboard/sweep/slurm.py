@@ -28,7 +28,7 @@ SCRIPT = """\
 #SBATCH --requeue
 #SBATCH --output={output}
 # Options of sbatch on its command line go before these: sbatch --gres=gpu:1 --time=120 THIS_FILE
-# When all tasks have ended: python -m leaderboard table --results {results}
+# When all tasks have ended: leaderboard table --results {results}
 set -e
 cd {here}
 export {settings}

@@ -14,6 +14,7 @@ LEVEL = 0.95  # of intervals
 SIGNIFICANT = 1 - LEVEL  # p below it
 POWER = 0.8  # with which `seeds_needed` would find a difference
 DRAWS = 10_000
+LEAST_SCENES = 4  # for an interval on the board: of fewer, Student's t makes one that says nothing
 
 
 @dataclass(frozen=True)

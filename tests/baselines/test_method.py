@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from baselines.method import TrainingSummary, check_render, find_method
+from baselines.gaussian_splatting import GaussianSplatting
+from baselines.method import METHODS, TrainingSummary, check_render, citation_of, find_method
+from hydroviews.cli.plugins import registered
 from hydroviews.errors import InputError
 from hydroviews.scene.cameras import Camera
 
@@ -24,6 +26,23 @@ def refusal(name: str) -> str:
     with pytest.raises(InputError) as error:
         find_method(name)
     return str(error.value)
+
+
+class Inherits(GaussianSplatting):
+    """A stranger's method on our trainer."""
+
+
+def test_every_registered_method_states_what_it_follows():
+    found = {name: citation_of(name) for name in registered(METHODS)}
+    assert [name for name, citation in found.items() if not (citation and citation.title)] == []
+    for citation in found.values():
+        assert all(address.startswith("https://") for address in (citation.link, citation.code) if address)
+        assert citation.paper or citation.link or "this project" in citation.title
+    assert citation_of("3dgs+clean") == citation_of("3dgs") == citation_of("3dgs-clean")
+
+
+def test_a_method_on_our_trainer_is_not_cited_as_ours():
+    assert citation_of(f"{__name__}:Inherits") is None
 
 
 def test_an_error_in_ones_own_module_keeps_its_traceback(module):

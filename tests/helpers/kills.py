@@ -82,7 +82,7 @@ def stages(out: Path, patterns: Sequence[str]) -> Iterator[Stage]:
     notes.mkdir(parents=True, exist_ok=True)
 
     def build(folder: Path) -> list[str]:
-        target = ["--scene", str(out / "room"), "--out", str(folder / PROFILE), "--profile", PROFILE]
+        target = [str(out / "room"), "--out", str(folder / PROFILE), "--profile", PROFILE]
         return ["hydroviews", "build", *target, "--patterns", *patterns]
 
     def train(folder: Path) -> list[str]:

@@ -24,7 +24,7 @@ def docs_hooks() -> ModuleType:
 
 @functools.cache
 def documented_commands() -> dict[str, Callable]:
-    """The function behind every subcommand by its line, such as `python -m hydroviews build`."""
+    """The function behind every subcommand by its line, such as `hydroviews build`."""
     return docs_hooks().commands()
 
 

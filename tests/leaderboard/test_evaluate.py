@@ -21,8 +21,8 @@ from hydroviews.files.locks import BUSY, locked
 from hydroviews.files.ownership import FILES
 from hydroviews.scene.images import read_image
 from leaderboard import evaluate as evaluate_module
-from leaderboard.__main__ import evaluate_command, score_command, table_command
-from leaderboard.evaluate import EvaluateRequest, evaluate, outcome
+from leaderboard.__main__ import score_command, table_command
+from leaderboard.evaluate import EvaluateRequest, evaluate, evaluate_command, outcome
 from leaderboard.records import as_row, code_version, columns
 from leaderboard.runs import train_and_render as predict_module
 from leaderboard.runs.probe import probe

@@ -13,7 +13,7 @@ from finished_runs import finished_run
 from made_up_board import write_board
 
 from baselines.rendering.film import FilmChoice, write_film
-from hydroviews.__main__ import build_command, fetch_command, pack_command, sheet_command, video_command
+from hydroviews.__main__ import build_command, download_command, pack_command, sheet_command, video_command
 from hydroviews.errors import InputError
 from hydroviews.scene.images import write_png
 from leaderboard.__main__ import (
@@ -35,14 +35,14 @@ REPOSITORY = Path(__file__).parents[2]
 RUN = "results/demo/finished_runs.Cloud/yard/streak-0/seed-0"
 CLOUD = "finished_runs:Cloud"
 ATTENTION = "baselines.derain_nerf.raindrop_attention"
-PROGRAMS = ("hydroviews", "leaderboard", "deraings", "deraings.enhancement", ATTENTION)
+PROGRAMS = ("hydroviews", "leaderboard", "deraings.enhancement", ATTENTION)
 
 # Each command in a folder that has what `made` made; it writes below that folder.
 TRIED: dict[str, Callable[[Path], object]] = {
     "hydroviews build": lambda f: build_command(str(f / "yard"), out=f / "built", patterns=("streak-0",)),
     "hydroviews sheet": lambda f: sheet_command(f / "data/demo", out=f / "sheets"),
     "hydroviews pack": lambda f: pack_command(f / "data/demo", f / "packed", i_have_the_rights="CC0-1.0"),
-    "hydroviews fetch": lambda f: fetch_command(str(f / "archives/yard-streak-0.zip"), f / "fetched"),
+    "hydroviews download": lambda f: download_command(str(f / "archives/yard-streak-0.zip"), out=f / "fetched"),
     "hydroviews video": lambda f: video_command(f / "walk.mp4", f / "walk", rate=2.0, frames_only=True),
     "leaderboard sweep": lambda f: sweep_command(
         SweepRequest(methods=("3dgs",), results=f / "swept", slurm=f / "swept/jobs.sh")
@@ -59,7 +59,7 @@ TRIED: dict[str, Callable[[Path], object]] = {
 # Commands that take long or share a function, by the test that tries them so.
 ELSEWHERE = {
     "leaderboard/test_evaluate.py test_files_of_the_users_in_the_folders_of_runs_stay": {
-        "leaderboard evaluate",
+        "hydroviews eval",
         "leaderboard score",
     },
     "deraings/enhancement/test_commands.py test_files_of_the_users_where_networks_are_trained_stay": {
@@ -77,7 +77,7 @@ ELSEWHERE = {
     },
     "hydroviews/files/test_settings_guard.py test_files_of_unknown_origin_are_never_removed": {
         "leaderboard submit",
-        "deraings reconstruct",
+        "hydroviews reconstruct",
     },
     "hydroviews/captures/test_single_pictures.py test_pictures_of_the_users_are_not_written_over_by_enhanced_ones": {
         "deraings.enhancement enhance"
@@ -86,7 +86,7 @@ ELSEWHERE = {
 }
 
 READING = {
-    "hydroviews scenes",
+    "hydroviews doctor",
     "hydroviews verify",
     "leaderboard methods",
     "leaderboard compare",

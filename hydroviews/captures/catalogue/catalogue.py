@@ -118,7 +118,7 @@ class MissingCapture(InputError):
     def __init__(self, capture: Capture, root: Path):
         if capture.archive:
             get = (
-                f"`python -m hydroviews download {capture.name}` gets it ({capture.archive.name}, about "
+                f"`hydroviews download {capture.name}` gets it ({capture.archive.name}, about "
                 f"{capture.archive.gigabytes:g} GB, from {capture.archive.urls[0]}) into {root / capture.folders[0]}"
             )
         else:

@@ -65,7 +65,7 @@ def open_video(path: Path) -> Iterator[Video]:
         InputError: no such file, one that may not be read, a picture, or not a video; or nothing here decodes it.
     """
     if path.is_dir():
-        fix = f"python -m hydroviews poses {shlex.quote(str(path))} for a folder of photographs"
+        fix = f"hydroviews poses {shlex.quote(str(path))} for a folder of photographs"
         raise InputError(f"{path}: a folder, not a film", fix=fix)
     if not path.is_file():
         raise InputError(f"{path}: no such file")

@@ -211,7 +211,7 @@ def _losses(folder: Path) -> str:
 def _origin(folder: Path, request: Mapping[str, Any], patterns: Sequence[str], licence: Licence | None) -> str:
     source, size = request["source"], request["long_side"]
     path = f"path/to/{_display_name(source)}" if _display_name(source) != source else source
-    command = ["python", "-m", "hydroviews", "build", "--scene", path, *_profile(folder)]
+    command = ["hydroviews", "build", path, *_profile(folder)]
     command += ["--long-side", size] if size else []
     command += ["--lens-renderer", request["lens_renderer"]] if request["lens_renderer"] != "disk" else []
     added = [name for name in patterns if name != CAPTURED]

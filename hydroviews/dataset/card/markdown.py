@@ -38,5 +38,5 @@ from hydroviews.dataset.variants import {name}
 scene = {opened}
 ```
 
-`python -m hydroviews verify DIR`, with the folder that holds `manifest.json`, recomputes every hash and derives rainy
-views from clean views, layers and parameters again; `python -m hydroviews sheet DIR` draws contact sheets."""
+`hydroviews verify DIR`, with the folder that holds `manifest.json`, recomputes every hash and derives rainy
+views from clean views, layers and parameters again; `hydroviews sheet DIR` draws contact sheets."""

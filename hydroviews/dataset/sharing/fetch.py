@@ -198,8 +198,8 @@ def _command(packed: Packed) -> str:
     entry = packed.entry
     size = ["--long-side", entry["long_side"]] if entry["long_side"] else []
     patterns = ["--patterns", *entry["patterns"]] if entry["patterns"] else []
-    options = ["--scene", entry["source"], *size, "--seed", entry["seed"], *patterns]
-    return shlex.join(["python", "-m", "hydroviews", "build", *map(str, options)])
+    options = [entry["source"], *size, "--seed", entry["seed"], *patterns]
+    return shlex.join(["hydroviews", "build", *map(str, options)])
 
 
 def _move(staged: Path, folder: Path, names: Collection[str]) -> None:

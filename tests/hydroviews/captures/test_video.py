@@ -181,7 +181,7 @@ def test_commands_that_are_told_can_be_pasted(tmp_path, monkeypatch, capsys):
     poses_command(tmp_path / "a walk")
     told = capsys.readouterr().out
     assert f"`make eval METHOD=3dgs SCENE='{tmp_path}/a film-capture'`" in told
-    assert f"`python -m hydroviews build --scene '{tmp_path}/a walk-capture'`" in told
+    assert f"`hydroviews build '{tmp_path}/a walk-capture'`" in told
 
 
 def test_a_video_cut_short_gives_what_can_be_read(tmp_path):

@@ -50,7 +50,7 @@ def test_a_licence_that_is_stated_after_the_build_is_kept(built, tmp_path):
 def test_the_command_of_a_capture_with_an_odd_name_can_be_pasted(tmp_path):
     source = tmp_path / "a yard; ls"
     built = build(capture_in(tmp_path / "yard"), tmp_path / "data", patterns=STREAKS[:1], source=str(source))
-    assert "build --scene 'path/to/a yard; ls' --seed 0 --patterns streak-0\n" in (built / "README.md").read_text()
+    assert "build 'path/to/a yard; ls' --seed 0 --patterns streak-0\n" in (built / "README.md").read_text()
 
 
 def test_the_card_says_what_the_files_say(built):
@@ -65,7 +65,7 @@ def test_the_card_says_what_the_files_say(built):
         assert f"* **{name}**: noise level n = " in card
     assert "> Licence: CC-BY" in card
     assert (built / "licence" / "SOURCE.md").read_text() == "# From a garden\nLicence: CC-BY\n"
-    assert "build --scene path/to/yard --seed 5 --patterns streak-0 streak-2\n" in card
+    assert "build path/to/yard --seed 5 --patterns streak-0 streak-2\n" in card
     assert str(built.parents[1]) not in card
     assert "What it costs" not in card
     assert "--lens-renderer" not in card

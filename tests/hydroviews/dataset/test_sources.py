@@ -3,6 +3,7 @@ from pathlib import Path
 import pytest
 from distorted import colmap_capture, write_model, write_photographs
 
+from hydroviews import __main__ as commands
 from hydroviews.dataset import sources
 from hydroviews.dataset.sources import build_source, choose_images, find_capture
 from hydroviews.dataset.verify import verify
@@ -48,6 +49,21 @@ def test_a_capture_may_be_called_like_what_a_data_folder_holds(tmp_path, name):
     assert folder == tmp_path / "data" / f"{name}-scene"
     assert f"built as {name}-scene" in (folder / "README.md").read_text()
     assert verify(tmp_path / "data") == []
+
+
+def test_photographs_without_cameras_get_them_before_they_are_built(tmp_path, monkeypatch):
+    asked = []
+
+    def poses(images: Path, out: Path) -> None:
+        asked.append((images, out))
+        colmap_capture(out)
+
+    monkeypatch.setattr(commands, "poses_command", poses)
+    write_photographs(tmp_path / "walk", NAMES)
+    for source in ("walk", "walk-capture"):  # a capture has cameras
+        commands.build_command(source, out=tmp_path / "data", patterns=("streak-0",), long_side=24)
+    assert asked == [(Path("walk"), tmp_path / "walk-capture")]
+    assert len(list((tmp_path / "data/walk-capture/streak-0/images").iterdir())) == len(NAMES)
 
 
 def test_two_captures_of_one_name_are_told_apart(tmp_path):
@@ -127,7 +143,7 @@ def test_what_is_not_there_says_where_to_get_it(root):
     text = str(error.value)
     assert str(root / "360_v2" / "bicycle") in text
     assert str(root / "mipnerf360_bicycle") in text
-    assert "python -m hydroviews download mipnerf360/bicycle" in text
+    assert "hydroviews download mipnerf360/bicycle" in text
     assert "https://storage.googleapis.com/gresearch/refraw360/360_v2.zip" in text
     assert "HYDROVIEWS_CAPTURES" in text
     with pytest.raises(InputError, match="has no horse"):

@@ -59,7 +59,7 @@ def test_the_command_reports_and_ends_with_status_1(suite, tmp_path, monkeypatch
     assert result.returncode == 1, result.stderr
     assert "Two yards and a moon: 2 of 4 scenes are built" in result.stdout
     assert "SCENE=mipnerf360/garden" in result.stdout
-    assert "python -m hydroviews download mipnerf360/garden" in result.stdout
+    assert "hydroviews download mipnerf360/garden" in result.stdout
     result = command(*line, "--patterns", "streak-0")
     assert result.returncode == 2
     assert "--suite with --patterns" in result.stderr

@@ -228,7 +228,7 @@ def test_folders_without_cameras(tmp_path):
     with pytest.raises(InputError, match="no such folder"):
         read_scene(tmp_path / "nowhere")
     write_photographs(tmp_path / "images", ["a.png"])
-    with pytest.raises(InputError, match=r"1 photographs and no camera file\n.*\n.*python -m hydroviews poses"):
+    with pytest.raises(InputError, match=r"1 photographs and no camera file\n.*\n.*hydroviews poses"):
         read_scene(tmp_path)
 
 

@@ -136,7 +136,7 @@ def test_tables_and_comparisons_of_the_board_that_ships_are_printed_and_nothing_
     assert "all runs:" not in printed
     compare_command(results=board, suite="test")
     assert "Means over the 4 runs that all of them have, on 2 scenes" in capsys.readouterr().out
-    with pytest.raises(InputError, match="python -m leaderboard board"):
+    with pytest.raises(InputError, match="leaderboard board"):
         site_command(board)
     assert files(board) == before
     assert len(run_folders(board)) == 15

@@ -8,6 +8,7 @@ import pytest
 
 from hydroviews.errors import InputError
 from leaderboard.gather import VIEW_KEYS
+from leaderboard.publishing import board_tables
 from leaderboard.publishing.board_tables import filled
 from leaderboard.records import columns
 from leaderboard.tables.comparison import compare
@@ -48,7 +49,13 @@ def cells(text: str) -> dict[tuple[str, str], list[str]]:
     return {(row[0], row[1]): row[2:] for row in lines[2:]}
 
 
-def test_suites_have_means_over_scenes_and_gains_with_the_interval_of_the_comparison():
+def test_fewer_than_four_scenes_have_no_interval():
+    found = cells(filled(page("suites", "streak-1"), *board()))
+    assert all(re.fullmatch(r"(\*\*)?[\d.]+(\*\*)?( \(\+[\d.]+\))?", cell) for row in found.values() for cell in row)
+
+
+def test_suites_have_means_over_scenes_and_gains_with_the_interval_of_the_comparison(monkeypatch):
+    monkeypatch.setattr(board_tables, "LEAST_SCENES", 3)
     table, views = board()
     found = cells(filled(page("suites", "raindrop-1", "streak-1"), table, views))
     assert list(found) == [

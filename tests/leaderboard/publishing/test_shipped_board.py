@@ -11,7 +11,7 @@ from leaderboard.publishing.publish import publish
 
 ROOT = Path(__file__).parents[3]
 PAGES = re.search(r"^BOARD_PAGES := (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)[1].split()
-published = pytest.mark.skipif(not run_folders(BOARD), reason="nothing is published yet: python -m leaderboard publish")
+published = pytest.mark.skipif(not run_folders(BOARD), reason="nothing is published yet: leaderboard publish")
 
 
 @published

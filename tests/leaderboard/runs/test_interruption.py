@@ -27,13 +27,13 @@ def test_an_interruption_ends_quietly_and_the_same_command_goes_on(
     evaluated_once, tmp_path, caplog, to, number, status
 ):
     capture, data, results = evaluated_once[0] / "yard", tmp_path / "data", tmp_path / "results"
-    command = [sys.executable, "-m", "leaderboard", "evaluate", "--method", "toy_methods:WaitsOnce"]
+    command = [sys.executable, "-m", "hydroviews", "eval", "toy_methods:WaitsOnce"]
     command += ["--scene", str(capture), "--patterns", "streak-0"]
     command += ["--data", str(data), "--results", str(results)]
     code = (
         "import leaderboard.evaluate as e, leaderboard.tables.dataframes as t;"
         "e.CEILING = t.CEILING = 'toy_methods:MeanColourClean'; e.FLOOR = t.FLOOR = 'toy_methods:MeanColour';"
-        "e.probe = lambda *_: None; from leaderboard.__main__ import main; main()"
+        "e.probe = lambda *_: None; from hydroviews.__main__ import main; main()"
     )
     command[1:3] = ["-c", code]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(REPOSITORY), str(Path(__file__).parents[1])])}

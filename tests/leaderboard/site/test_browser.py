@@ -90,7 +90,7 @@ def test_filters_and_the_address_that_keeps_them(page, written):
     assert page.locator("#all-runs th[data-key=psnr]").get_attribute("aria-sort") == "descending"
     page.locator("#all-runs tbody a:visible").click()
     assert "deraings" in page.locator("h1").text_content()
-    assert "python -m leaderboard evaluate --method deraings --scene pond" in page.locator("pre").text_content()
+    assert "hydroviews eval deraings --scene pond" in page.locator("pre").text_content()
 
 
 def test_the_slider_shows_any_two_and_their_difference(page, written):

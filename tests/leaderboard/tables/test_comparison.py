@@ -11,7 +11,6 @@ from hydroviews.errors import InputError
 from leaderboard.__main__ import compare_command, table_command
 from leaderboard.gather import VIEW_KEYS, write_leaderboard
 from leaderboard.records import Record, columns, run_folder, write_record
-from leaderboard.site.intervals import _ranked
 from leaderboard.tables.comparison import compare, in_words, rank_text
 from leaderboard.tables.markdown import SHARED
 
@@ -204,7 +203,6 @@ def test_a_method_without_any_run_is_listed_last_and_empties_nothing():
     text = in_words(found, "")
     assert "|  | theirs |  | 0/18 |" in text
     assert "Means over the 18 runs that all with a rank have" in text
-    assert _ranked(found.methods.to_dict("records")[-1], found.metric, 0, 1).rank == ""
 
 
 def test_runs_on_other_data_and_views_without_a_finite_score_do_not_count():

@@ -260,5 +260,5 @@ def test_layers_alone_need_the_capture(tmp_path):
 def test_the_command_that_builds_a_capture_with_an_odd_name_can_be_pasted(tmp_path):
     built = built_in(tmp_path, says=None, patterns=("streak-1",), name="a yard; ls")
     [(path, _)] = pack(built, tmp_path / "out", layers_only=True)
-    with pytest.raises(InputError, match=r"--scene './a yard; ls' --long-side \d+ --seed 0 --patterns streak-1"):
+    with pytest.raises(InputError, match=r"build './a yard; ls' --long-side \d+ --seed 0 --patterns streak-1"):
         fetch(str(path), tmp_path / "empty")

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from shared_data_set import built_in
 
-from hydroviews.__main__ import fetch_command, pack_command
+from hydroviews.__main__ import download_command, pack_command
 from hydroviews.dataset.manifest import read_manifest, record_scene
 from hydroviews.dataset.sharing.archive import open_archive
 from hydroviews.dataset.sharing.contents import APACHE_TEXT
@@ -195,7 +195,7 @@ def test_other_software_reads_the_metadata(built, tmp_path, place):
 def test_the_commands(built, tmp_path, capsys):
     pack_command(built, tmp_path / "out", patterns=("streak-1",))
     digest, path = capsys.readouterr().out.split()
-    fetch_command(f"{path}#sha256={digest}", tmp_path / "data")
+    download_command(f"{path}#sha256={digest}", out=tmp_path / "data")
     assert capsys.readouterr().out == f"ready: {tmp_path / 'data' / 'yard'}\n"
     with pytest.raises(InputError, match="wrong checksum"):
-        fetch_command(f"{path}#sha256={'0' * 64}", tmp_path / "data")
+        download_command(f"{path}#sha256={'0' * 64}", out=tmp_path / "data")

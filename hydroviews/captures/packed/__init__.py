@@ -1,0 +1,1 @@
+"""Rendered captures that ship with the package: packing, unpacking and their archives."""

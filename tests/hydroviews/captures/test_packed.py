@@ -1,0 +1,198 @@
+"""Captures in the package: what is unpacked is what was rendered, and rendering again gives about the same."""
+
+import json
+import lzma
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hydroviews.blender.embedded_scenes import captures
+from hydroviews.blender.embedded_scenes.captures import VERSION, read_embedded
+from hydroviews.captures.packed.archives import FOLDER, HASHES, UNPACKED, pack, unpack
+from hydroviews.captures.packed.depth_code import decode, encode
+from hydroviews.dataset.sources import find_capture
+from hydroviews.errors import InputError
+from hydroviews.files.atomic import read_json, write_json
+from hydroviews.profiles import find_profile
+from hydroviews.scene.depth import stored_depth, write_depth
+from hydroviews.scene.images import read_image, resize_area, write_png
+
+SHIPPED = "courtyard-40-320x240"
+MEGABYTES = 8
+SMALLER = 4  # times, on each side: what is rendered to compare
+needs_bpy = pytest.mark.skipif(
+    find_spec("bpy") is None, reason="bpy is not installed: pip install 'hydroviews[blender]'"
+)
+
+
+def planes_and_sky(rng) -> np.ndarray:
+    """Depth of two slanted planes with an edge between them, under a sky: [3, 24, 32]."""
+    y, x = np.mgrid[:24, :32]
+    slopes = rng.uniform(-0.002, 0.002, (3, 2, 1, 1))
+    near, far = 1 / (0.4 + slopes[:, 0] * x + 0.001 * y), 1 / (0.1 + slopes[:, 1] * y)
+    depth = np.where(x < 16, near, far)
+    depth[:, :4] = np.inf
+    return depth.astype(np.float32)
+
+
+def rendered(folder: Path, rng, n: int = 3) -> Path:
+    """A capture as rendering leaves it, with made-up pixels."""
+    views = [{"name": f"{i:03d}", "width": 32, "height": 24} for i in range(n)]
+    for view, depth in zip(views, planes_and_sky(rng), strict=True):
+        write_png(folder / "images" / f"{view['name']}.png", rng.integers(0, 256, (24, 32, 3), np.uint8))
+        write_depth(folder / "depth" / f"{view['name']}.exr", depth)
+    request = {"version": VERSION, "scene": "courtyard", "seed": 0}
+    np.savez_compressed(folder / "points.npz", positions=rng.normal(size=(9, 3)))
+    write_json(folder / "request.json", request)
+    write_json(folder / "cameras.json", {"request": request, "views": views})
+    return folder
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    files = [path for path in folder.rglob("*") if path.is_file() and not path.name.startswith(".")]
+    return {str(path.relative_to(folder)): path.read_bytes() for path in files if path.name != UNPACKED}
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(0)
+
+
+@pytest.fixture
+def packed(tmp_path, rng):
+    """A rendered capture and the folder of its archive."""
+    capture = rendered(tmp_path / "rendered" / "yard", rng)
+    (tmp_path / "archives").mkdir()
+    pack(capture, tmp_path / "archives")
+    return capture, tmp_path / "archives"
+
+
+def test_depth_comes_back_bit_by_bit(rng):
+    any_bits = rng.integers(0, 2**32, (2, 7, 5), np.uint32).view(np.float32)  # negative, denormal, not a number
+    for depth in (planes_and_sky(rng), any_bits, any_bits[:, :1], np.full((1, 3, 2), np.inf, np.float32)):
+        assert decode(encode(depth), depth.shape).tobytes() == depth.tobytes()
+
+
+def test_depth_of_planes_is_small(rng):
+    depth = planes_and_sky(rng)
+    assert len(encode(depth)) < 0.6 * len(lzma.compress(depth.tobytes(), preset=9))
+
+
+def test_a_capture_is_unpacked_as_it_was_rendered(packed, tmp_path):
+    capture, archives = packed
+    assert unpack(tmp_path / "data" / "yard", VERSION, archives)
+    assert contents(tmp_path / "data" / "yard") == contents(capture)
+    assert read_json(tmp_path / "data" / "yard" / UNPACKED)["licence"] == "Apache-2.0"
+
+
+def test_the_same_capture_gives_the_same_archive(packed):
+    capture, archives = packed
+    before = contents(archives)
+    pack(capture, archives)
+    assert contents(archives) == before
+
+
+def test_what_is_there_of_an_interrupted_call_is_kept(packed, tmp_path):
+    capture, archives = packed
+    folder = tmp_path / "data" / "yard"
+    unpack(folder, VERSION, archives)
+    for name in ("cameras.json", "images/001.png", "depth/002.exr"):
+        (folder / name).unlink()
+    kept = (folder / "images/000.png").stat().st_mtime_ns
+    assert unpack(folder, VERSION, archives)
+    assert contents(folder) == contents(capture)
+    assert (folder / "images/000.png").stat().st_mtime_ns == kept
+
+
+def test_what_another_renderer_left_is_replaced_and_files_of_others_stay(packed, tmp_path):
+    capture, archives = packed
+    folder = rendered(tmp_path / "data" / "yard", np.random.default_rng(1))
+    write_json(folder / "request.json", {"version": VERSION - 1})
+    (folder / "images" / "mine.png").write_bytes(b"a picture")
+    assert unpack(folder, VERSION, archives)
+    found = contents(folder)
+    assert found.pop("images/mine.png") == b"a picture"
+    assert found == contents(capture)
+
+
+def test_an_archive_of_another_renderer_or_size_is_not_used(packed, tmp_path):
+    _, archives = packed
+    assert not unpack(tmp_path / "data" / "yard", VERSION + 1, archives)
+    assert not unpack(tmp_path / "data" / "yard-larger", VERSION, archives)
+    assert not (tmp_path / "data").exists()
+
+
+def test_a_damaged_archive_is_refused(packed, tmp_path):
+    _, archives = packed
+    content = bytearray((archives / "yard.zip").read_bytes())
+    content[len(content) // 2] ^= 1
+    (archives / "yard.zip").write_bytes(content)
+    with pytest.raises(InputError, match=r"yard\.zip: damaged[\s\S]*SHA256SUMS[\s\S]*install HydroViews again"):
+        unpack(tmp_path / "data" / "yard", VERSION, archives)
+    assert not (tmp_path / "data").exists()
+
+
+class Asked(Exception):
+    """Blender was asked for something."""
+
+
+@pytest.fixture
+def no_blender(monkeypatch):
+    def refuse(module, request, log, label):
+        raise Asked(request["scene"])
+
+    monkeypatch.setattr(captures, "run_blender", refuse)
+
+
+def test_the_first_scene_needs_no_rendering(no_blender, tmp_path):
+    demo = find_profile("demo")
+    scene = find_capture("courtyard", tmp_path, demo.embedded_views, demo.long_side)
+    assert (len(scene.views), len(scene.points.positions)) == (40, 16000)
+    assert {read_image(view.path).shape for view in scene.views[::20]} == {(240, 320, 3)}
+    assert sorted(path.name for path in (tmp_path / SHIPPED / "depth").glob("*.exr"))[-1] == "039.exr"
+    find_capture("courtyard", tmp_path, demo.embedded_views, demo.long_side)  # kept
+    with pytest.raises(Asked):  # another size is not in the package
+        find_capture("courtyard", tmp_path, demo.embedded_views, 64)
+
+
+def test_it_is_rendered_if_asked_for(no_blender, tmp_path):
+    demo = find_profile("demo")
+    with pytest.raises(Asked):
+        find_capture("courtyard", tmp_path, demo.embedded_views, demo.long_side, render=True)
+    find_capture("courtyard", tmp_path, demo.embedded_views, demo.long_side)
+    with pytest.raises(Asked):
+        find_capture("courtyard", tmp_path, demo.embedded_views, demo.long_side, render=True)
+    assert not list((tmp_path / SHIPPED / "images").glob("*.png"))
+    with pytest.raises(InputError, match="SCENE=fox: not rendered here"):
+        find_capture("fox", tmp_path, 40, 320, render=True)
+
+
+def test_the_archives_of_the_package_are_small_and_hashed():
+    archives = sorted(path.name for path in FOLDER.glob("*.zip"))
+    assert archives == [f"{SHIPPED}.zip"]
+    assert [line.split()[1] for line in (FOLDER / HASHES).read_text().splitlines()] == archives
+    assert sum((FOLDER / name).stat().st_size for name in archives) < MEGABYTES * 1e6
+
+
+@needs_bpy
+@pytest.mark.blender
+def test_rendering_again_gives_about_what_is_packed(kept_blender, tmp_path):
+    """One view at a quarter of the size: within a few grey levels of the packed one, far closer than its neighbour."""
+    unpack(tmp_path / SHIPPED, VERSION)
+    view = json.loads((tmp_path / SHIPPED / "cameras.json").read_text())["views"][17]
+    size = {name: view[name] // SMALLER for name in ("width", "height")}
+    small = {**view, **size, **{name: view[name] / SMALLER for name in ("fx", "fy", "cx", "cy")}}
+    fresh = tmp_path / "fresh"
+    request = {"scene": "courtyard", "folder": str(fresh), "seed": 0, "views": [small]}
+    kept_blender("render_views", request, tmp_path / "log", "test")
+    ours = read_image(fresh / "images/017.png")
+    depth = stored_depth(fresh / "depth/017.exr")
+    scene = read_embedded("courtyard", tmp_path / SHIPPED)
+    errors = {i: np.abs(ours - resize_area(scene.views[i].image(), 80, 60)).mean() for i in (17, 18)}
+    assert errors[17] < 0.04 < 0.1 < errors[18]
+    packed = stored_depth(tmp_path / SHIPPED / "depth/017.exr")[2::SMALLER, 2::SMALLER]
+    both = np.isfinite(depth) & np.isfinite(packed)
+    assert both.mean() > 0.7
+    assert np.median(np.abs(depth[both] / packed[both] - 1)) < 0.01

@@ -1,0 +1,104 @@
+"""The doctor: each thing that a machine may lack, with what to do about it."""
+
+import os
+import shutil
+from types import SimpleNamespace
+
+import pytest
+
+from hydroviews.blender.process import SYSTEM_PACKAGES
+from leaderboard import doctor
+from leaderboard.doctor import LATER, MISSING, OK, Finding
+
+
+@pytest.fixture
+def fake_bpy(tmp_path, monkeypatch):
+    """Puts a module of the given text in bpy's place, for processes started from here."""
+
+    def install(text: str) -> None:
+        (tmp_path / "bpy.py").write_text(text)
+        monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+
+    return install
+
+
+def test_blender_that_works(fake_bpy):
+    fake_bpy("from types import SimpleNamespace\napp = SimpleNamespace(version_string='5.0.1')\nprint('noise')")
+    assert doctor.blender() == Finding("Blender", OK, "bpy 5.0.1")
+
+
+def test_no_blender_for_this_python(fake_bpy):
+    fake_bpy("raise ModuleNotFoundError(\"No module named 'bpy'\", name='bpy')")
+    found = doctor.blender()
+    assert found.state == MISSING
+    assert "`hydroviews reconstruct` works without it" in found.found
+    assert "pip install 'hydroviews[blender]'" in found.fix
+    older = doctor.python_version((3, 12))
+    assert (older.state, older.fix) == (LATER, "make setup PYTHON=python3.11")
+    assert doctor.python_version((3, 11)).state == doctor.python_version((3, 13)).state == OK
+
+
+def test_no_x11(fake_bpy):
+    fake_bpy("raise ImportError('libX11.so.6: cannot open shared object file: No such file or directory')")
+    found = doctor.blender()
+    assert found.state == MISSING
+    assert "libX11.so.6" in found.found
+    assert found.fix == f"apt-get install {SYSTEM_PACKAGES}"
+
+
+def test_blender_that_dies_is_no_traceback(fake_bpy):
+    fake_bpy("import os\nos.abort()")
+    assert "exit status -6" in doctor.blender().found
+
+
+@pytest.mark.parametrize(("free", "state"), [(1.2, MISSING), (30.0, OK)])
+def test_space(monkeypatch, tmp_path, free, state):
+    monkeypatch.setattr(shutil, "disk_usage", lambda folder: SimpleNamespace(free=free * 1e9))
+    found = doctor.disk(tmp_path)
+    assert found.state == state
+    assert f"{free:.1f} GB free in {tmp_path}" in found.found
+    assert ("DATA=" in found.fix) == (state == MISSING)
+
+
+@pytest.mark.parametrize(("load", "state"), [(0.1, OK), (3.5, LATER)])
+def test_a_slow_machine(monkeypatch, load, state):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
+    monkeypatch.setattr(os, "getloadavg", lambda: (load, load, load))
+    found = doctor.speed()
+    assert found.state == state
+    assert ("wait until other programs are done" in found.fix) == (state == LATER)
+
+
+@pytest.mark.parametrize(
+    ("lacking", "state", "words"),
+    [
+        (None, OK, "used for training"),
+        ("torch finds no CUDA device", LATER, "none; training runs on the CPU"),
+        ("no CUDA toolkit", LATER, "not used: no CUDA toolkit"),
+    ],
+)
+def test_a_gpu_without_its_toolkit(monkeypatch, lacking, state, words):
+    monkeypatch.setattr("baselines.training.devices.missing_for_cuda", lambda *packages: lacking)
+    found = doctor.gpu()
+    assert (found.state, found.found) == (state, words)
+    assert ("docs/install.md" in found.fix) == (lacking == "no CUDA toolkit")
+
+
+def test_what_is_downloaded_later(tmp_path):
+    assert [found.state for found in doctor.weights(tmp_path)] == [LATER, LATER]
+    for name in ("lpips-v0.1-alex", "xfeat-scm"):
+        (tmp_path / f"{name}.safetensors").touch()
+    assert [found.state for found in doctor.weights(tmp_path)] == [OK, OK]
+
+
+@pytest.mark.parametrize("state", [OK, LATER, MISSING])
+def test_only_what_is_needed_fails_the_command(monkeypatch, capsys, state):
+    monkeypatch.setattr(doctor, "findings", lambda: iter([Finding("disk", state, "little", "free some")]))
+    if state == MISSING:
+        with pytest.raises(SystemExit, match="1"):
+            doctor.doctor_command()
+    else:
+        doctor.doctor_command()
+    first, second = capsys.readouterr().out.splitlines()
+    assert first.split() == [state, "disk", "little"]
+    assert second.strip() == "what to do: free some"
