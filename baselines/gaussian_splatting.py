@@ -50,6 +50,7 @@ class GaussianSplatting(Method):
         self._objective: Objective | None = None  # after `fit`
         self._trained: TrainedScene | None = None
         self._model_mb: float | None = None
+        self._cameras: tuple[Camera, ...] = ()  # of the training views, after `fit`
         self._buffers = BufferPool()
 
     @classmethod
@@ -65,6 +66,7 @@ class GaussianSplatting(Method):
         """See Method."""
         self._objective = self.objective(scene, folder)
         self._trained = train(scene, self.splatting, self.seed, folder, self._objective)
+        self._cameras = tuple(view.camera for view in scene.train_views)
         if self._objective is not None:
             self.found |= self._objective.report()
 
@@ -75,7 +77,12 @@ class GaussianSplatting(Method):
 
     def hidden(self, view: int, size: tuple[int, int]) -> Plane | None:
         """See Method."""
-        return None if self._objective is None else self._objective.hidden(view, size)
+        if self._objective is None:
+            return None
+        weights = self._objective.pixel_weights
+        if weights is None:
+            return self._objective.hidden(view, size)
+        return weights.hidden(view, size, lambda: self.render(self._cameras[view].resized(size[1], size[0])))
 
     @property
     def splatting(self) -> TrainerConfig:

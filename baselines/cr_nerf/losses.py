@@ -1,9 +1,9 @@
 """CR-NeRF's loss: that of masked pixels, and what styles cost."""
 
 from baselines.cr_nerf.config import CrNerfConfig
+from baselines.masking.rays import masked_losses
 from baselines.volumetric.batches import Batch
 from baselines.volumetric.losses import Loss, Losses
-from baselines.volumetric.masking import masked_losses
 from baselines.volumetric.model import Rendering
 
 

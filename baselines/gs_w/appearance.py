@@ -10,8 +10,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from baselines.encoders.appearance import EncodedAppearance
 from baselines.gs_w.config import ReferenceConfig
-from baselines.gs_w.encoded import EncodedAppearance
 from baselines.gs_w.encoder import ReferenceEncoder
 from baselines.gs_w.fusion import Fusion
 from baselines.gs_w.sampling import boxed, projected, sample

@@ -1,9 +1,9 @@
 """Ha-NeRF's loss: what is masked counts less, and masking costs."""
 
 from baselines.ha_nerf.config import HaNerfConfig
+from baselines.masking.rays import masked_losses
 from baselines.volumetric.batches import Batch
 from baselines.volumetric.losses import Loss, Losses
-from baselines.volumetric.masking import masked_losses
 from baselines.volumetric.model import Rendering
 
 

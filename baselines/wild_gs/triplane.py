@@ -8,7 +8,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from baselines.gs_w.encoder import Up
+from baselines.encoders.unet import Up
 from baselines.gs_w.sampling import sample
 
 PLANES = 3

@@ -8,9 +8,9 @@ from disturbed import (
 from splats import photographed
 from trainings import psnr
 
-from baselines.distractors.mask_network import MaskNetworkConfig
 from baselines.distractors.spotless import Spotless, SpotlessConfig
 from baselines.gaussian_splatting import GaussianSplatting
+from baselines.masking.feature_network import MaskNetworkConfig
 from baselines.method import find_method
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.strategies.densification import DefaultStrategy

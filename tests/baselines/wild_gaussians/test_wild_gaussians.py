@@ -10,6 +10,7 @@ from trainings import psnr
 
 import baselines.wild_gaussians.method as wild
 from baselines.gaussian_splatting import GaussianSplatting
+from baselines.masking.uncertainty import UncertaintyConfig
 from baselines.method import find_method
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.files.ply import read_ply
@@ -19,7 +20,6 @@ from baselines.splatting.objective import Objective
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.wild_gaussians.appearance import AppearanceConfig
 from baselines.wild_gaussians.method import PROFILES, WildConfig, WildGaussians
-from baselines.wild_gaussians.uncertainty import UncertaintyConfig
 from hydroviews.errors import InputError
 
 GROWTH = DefaultStrategy(
@@ -80,7 +80,7 @@ def test_something_in_the_way_in_a_third_of_the_views_is_left_out(tmp_path, monk
     taught = UncertaintyConfig(
         "alexnet", start=80, warm_up=20, protected=0, first_lesson=30, rate=2e-2, prior=0.6, least=0.5
     )
-    monkeypatch.setattr(wild, "make_features", lambda *_: Blocks())
+    monkeypatch.setattr(wild, "calibrated", lambda *_: Blocks())
     without = psnr(fitted(off, occluded, tmp_path / "off"), scene.test_views)
     told = fitted(replace(off, uncertainty=taught), occluded, tmp_path / "on")
     assert psnr(told, scene.test_views) > without + 0.8

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import torch
 
+from baselines.masking.rays import GREY, LEAST, PriceConfig, Running, price_of_masking
 from baselines.training.checkpoints import read_arrays, write_arrays
 from baselines.training.torch_state import module_arrays, restore_module
-from baselines.volumetric.masking import GREY, LEAST, PriceConfig, Running, price_of_masking
 
 RELATIVE = PriceConfig(price=3.5, price_at_first=3.5, price_fall=0.0, relative=True)
 

@@ -1,4 +1,4 @@
-"""The photometric loss over what is taken for the scene: what `robust-filter` and `spotless` share.
+"""Weights by the residuals: pixels that are far from their photograph are left out (RobustNeRF, SpotLessSplats).
 
     mask ~ Bernoulli(a + (1 - a) p),      a = exp(-progress / fade_in)
 
@@ -9,25 +9,19 @@ SpotLessSplats, section 4.2.2 and their code; the loss is not divided by the sha
 import logging
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Any, Protocol
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.distractors.residuals import ResidualHistogram, inliers, residuals_of
-from baselines.gaussian_splatting import GaussianSplatting
+from baselines.masking.pixel_weights import Comparison, PixelWeights
+from baselines.masking.residuals import ResidualHistogram, inliers, residuals_of
 from baselines.splatting.config import TrainerConfig
-from baselines.splatting.kernels.buffer_pool import BufferPool
-from baselines.splatting.kernels.photometric import Plane
-from baselines.splatting.objective import Objective
+from baselines.splatting.kernels.photometric import Plane, prepare_target
 from baselines.splatting.schedule import Stream, random_stream
 from baselines.training.images import Size, TrainingImages
-from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
 from hydroviews.scene.masks import Ignored
-from hydroviews.scene.scenes import Scene
 
 logger = logging.getLogger(__name__)
 
@@ -55,48 +49,41 @@ class TrimConfig:
             raise ValueError(f"{self}: expected inlier_share in (0, 1], memory in [0, 1), fade_in above 0")
 
 
-class HoldsSplatting(Protocol):
-    """Settings of a method of this folder."""
+class TrimmedPixels(PixelWeights):
+    """1 for inliers of the residuals (RobustNeRF's filter), else 0."""
 
-    @property
-    def splatting(self) -> TrainerConfig:
-        """How the Gaussians are trained."""
+    def __init__(self, images: TrainingImages, trim: TrimConfig, splatting: TrainerConfig, seed: int) -> None:
+        """Count all pixels, until residuals are known.
 
-    @property
-    def trim(self) -> TrimConfig:
-        """Which pixels count."""
-
-
-class TrimmedObjective(Objective):
-    """The photometric loss over the inliers of the residuals (RobustNeRF's filter)."""
-
-    def __init__(self, images: TrainingImages, config: HoldsSplatting, seed: int) -> None:
-        super().__init__(images, config.splatting.lambda_dssim)
-        self.trim, self.seed = config.trim, seed
-        self._iterations = config.splatting.iterations
-        self._observed = config.splatting.strategy.stop  # iterations; later residuals do not move the percentiles
-        self.histogram = ResidualHistogram(config.trim.memory)
+        Args:
+            images: the photographs.
+            trim: settings.
+            splatting: how the Gaussians are trained; once they have stopped to grow, percentiles stay.
+            seed: of what is drawn.
+        """
+        self.images, self.trim, self.seed = images, trim, seed
+        self._iterations, self._observed = splatting.iterations, splatting.strategy.stop
+        self.histogram = ResidualHistogram(trim.memory)
         self._counted = np.zeros(2)  # recent share of the pixels that count, and from how many steps it is known
         self.given_up = False
 
-    def weights(
-        self, render: Callable[[], Image], view: int, size: Size, iteration: int, buffers: BufferPool
-    ) -> Plane | None:
-        """See Objective: 1 for pixels that count in this step, else 0."""
+    def weigh(self, seen: Comparison) -> Plane | None:
+        """See PixelWeights: 1 for pixels that count in this step, else 0."""
         if self.given_up:
             return None
-        target = self.target(view, size)
-        residuals = residuals_of(render(), target)
-        if iteration < self._observed:
-            self.histogram.observe(residuals, target.ignored)
-        weights = self._drawn(self.probability(residuals, view, target.ignored), iteration)
-        self._watch(weights, target.ignored, iteration)
+        residuals, ignored = residuals_of(seen.render(), seen.target), seen.target.ignored
+        if seen.iteration < self._observed:
+            self.histogram.observe(residuals, ignored)
+        weights = self._drawn(self.probability(residuals, seen.view, ignored), seen.iteration)
+        self._watch(weights, ignored, seen.iteration)
         return None if self.given_up else weights
 
-    def left_out(self, image: Image, view: int) -> Plane | None:
-        """1 - p [H, W] of a view whose render this is, learning nothing; None where masks were given up."""
-        target = self.target(view, (image.shape[0], image.shape[1]))
-        return None if self.given_up else 1 - self.predicted(residuals_of(image, target), view, target.ignored)
+    def hidden(self, view: int, size: Size, render: Callable[[], Image]) -> Plane | None:
+        """See PixelWeights: 1 - p; None where masks were given up."""
+        if self.given_up:
+            return None
+        target = prepare_target(self.images.pixels(view, size), self.images.ignored(view, size))
+        return 1 - self.predicted(residuals_of(render(), target), view, target.ignored)
 
     def probability(self, residuals: Plane, view: int, ignored: Ignored | None) -> Plane:
         """p [H, W] in [0, 1] of a view's pixels, whose residuals are new; whatever predicts it may learn from them."""
@@ -111,25 +98,19 @@ class TrimmedObjective(Objective):
         return inliers(residuals, self.histogram.percentile(share), ignored)
 
     def report(self) -> dict[str, str]:
-        """See Objective: the share of pixels that count, or that masks were given up."""
+        """See PixelWeights: the share of pixels that count, or that masks were given up."""
         return {"pixels": "all, masks given up"} if self.given_up else {"pixels": f"{self._counted[0]:.0%}"}
 
-    def settings(self) -> dict[str, Any]:
-        """See Objective."""
-        return {**super().settings(), **asdict(self.trim), "iterations": self._iterations, "seed": self.seed}
-
     def state_dict(self) -> dict[str, NDArray]:
-        """See Objective."""
-        own: dict[str, NDArray] = {
+        """See PixelWeights."""
+        return {
             "histogram": self.histogram.counts,
             "counted": self._counted,
             "given_up": np.array([self.given_up], np.uint8),
         }
-        return super().state_dict() | own
 
     def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
-        """See Objective."""
-        super().load_state_dict(arrays)
+        """See PixelWeights."""
         self.histogram.counts, self._counted = arrays["histogram"].copy(), arrays["counted"].copy()
         self.given_up = bool(arrays["given_up"][0])
 
@@ -159,21 +140,3 @@ class TrimmedObjective(Objective):
 def faded(progress: float, fade_in: float) -> float:
     """a, at a share of the iterations."""
     return math.exp(-progress / fade_in)
-
-
-class TrimmedMethod(GaussianSplatting):
-    """Splatting on what is taken for the scene; it can say of its training views what it leaves out."""
-
-    _objective: TrimmedObjective | None
-    _cameras: tuple[Camera, ...] = ()  # of the training views
-
-    def fit(self, scene: Scene, folder: Path) -> None:
-        """See Method."""
-        super().fit(scene, folder)
-        self._cameras = tuple(view.camera for view in scene.train_views)
-
-    def hidden(self, view: int, size: Size) -> Plane | None:
-        """See Method: 1 - p, for the trained scene."""
-        if self._objective is None:
-            return None
-        return self._objective.left_out(self.render(self._cameras[view].resized(size[1], size[0])), view)

@@ -14,9 +14,8 @@ resolution; dropout is for learning only, not for the weights; features of photo
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -26,12 +25,14 @@ from torch import Tensor, nn
 from torch.nn.functional import interpolate, softplus
 from tqdm import tqdm
 
+from baselines.encoders.frozen import CalibratedFeatures, CalibratedNetwork, unlikeness
+from baselines.masking.pixel_weights import Comparison, PixelWeights
+from baselines.splatting.kernels.photometric import Plane
 from baselines.splatting.schedule import Stream, random_stream
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting.strategies.relocation import MCMCStrategy
 from baselines.training.images import Size, TrainingImages
 from baselines.training.torch_state import module_arrays, restore_module
-from baselines.wild_gaussians.features import Features, Network, unlikeness
 from hydroviews.scene.images import Image
 
 FLAT = 1e-6  # features that vary less are left out
@@ -42,7 +43,7 @@ CHANNELS = 16  # of which all pictures' features are gathered at once
 class UncertaintyConfig:
     """Settings; the defaults are the authors'. Iterations count from 0."""
 
-    features: Network = "dinov2"  # features of the pictures: dinov2, as in the paper, or alexnet
+    features: CalibratedNetwork = "dinov2"  # features of the pictures: dinov2, as in the paper, or alexnet
     start: int = 10_000  # iteration before which all pixels count
     warm_up: int = 1800  # iterations in which the weights change from 1 to the predicted ones
     protected: int = 500  # iterations after an opacity reset without training of the uncertainty
@@ -55,13 +56,13 @@ class UncertaintyConfig:
     least: float = 0.1  # smallest u; pixels with u below 0.71 count
 
 
-class Uncertainty:
+class Uncertainty(PixelWeights):
     """Predicts the uncertainties of a scene's training views, and learns to."""
 
     def __init__(
         self,
         images: TrainingImages,
-        features: Features,
+        features: CalibratedFeatures,
         config: UncertaintyConfig,
         strategy: DefaultStrategy | MCMCStrategy,
         seed: int,
@@ -90,7 +91,30 @@ class Uncertainty:
         self.head.to(self._mean.device)
         self._adam = torch.optim.Adam(self.head.parameters(), config.rate)
 
-    def weights(self, view: int, size: Size, iteration: int) -> NDArray[np.float32] | None:
+    def weigh(self, seen: Comparison) -> Plane | None:
+        """See PixelWeights; the uncertainty then learns from the render."""
+        weights = self.weights(seen.view, seen.size, seen.iteration)
+        self.learn(seen.render(), seen.view, seen.iteration)
+        return weights
+
+    def hidden(self, view: int, size: Size, render: Callable[[], Image]) -> Plane:
+        """See PixelWeights: 1 where a pixel does not count."""
+        return (~counted(self.uncertainty(view, size))).astype(np.float32)
+
+    def report(self) -> dict[str, str]:
+        """See PixelWeights: the network of the features."""
+        return {"uncertainty": self.features.name}
+
+    def masked(self, iteration: int) -> float:
+        """Share of the photographs' pixels that do not count at an iteration, in the mean over views."""
+        shares = []
+        for view in range(len(self.images)):
+            height, width = self.images.pixels(view).shape[:2]
+            weights = self.weights(view, (height, width), iteration)
+            shares.append(0.0 if weights is None else 1 - float(weights.mean()))
+        return float(np.mean(shares))
+
+    def weights(self, view: int, size: Size, iteration: int) -> Plane | None:
         """Factors on the photometric loss of a view's pixels, [H, W] in [0, 1]; None while all are 1."""
         strength = warmed(iteration, self.config)
         if not strength:
@@ -132,16 +156,12 @@ class Uncertainty:
         latest = min(iteration, self._last - 1) // self._resets * self._resets
         return iteration - latest < self.config.protected
 
-    def settings(self) -> dict[str, Any]:
-        """The settings; a checkpoint made with others is another run's."""
-        return {**asdict(self.config), "features": self.features.name, "seed": self.seed}
-
     def state_dict(self) -> dict[str, NDArray]:
-        """What was learned."""
+        """See PixelWeights."""
         return module_arrays(self.head, self._adam)
 
     def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
-        """Take back what `arrays` returned."""
+        """See PixelWeights."""
         restore_module(self.head, arrays, self._adam)
 
     def _predict(self, view: int, factors: Tensor | float = 1.0) -> Tensor:

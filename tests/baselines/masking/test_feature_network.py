@@ -4,18 +4,9 @@ import numpy as np
 import pytest
 import torch
 
-from baselines.distractors.mask_network import (
-    MaskNetwork,
-    MaskNetworkConfig,
-    averaged,
-    encoded_places,
-    frozen,
-    hinge,
-    standardise,
-    vgg_features,
-)
+from baselines.encoders.frozen import frozen
+from baselines.masking.feature_network import MaskNetwork, MaskNetworkConfig, averaged, encoded_places, hinge
 from baselines.training.images import TrainingImages
-from hydroviews.errors import InputError
 
 CONFIG = MaskNetworkConfig("vgg", rate=2e-2)
 
@@ -53,17 +44,6 @@ def test_places_are_encoded_by_octaves_of_both_axes():
     expected = np.concatenate([np.sin(y * octaves), np.sin(x * octaves), np.cos(y * octaves), np.cos(x * octaves)])
     assert np.allclose(row, expected, atol=1e-6)
     assert torch.isfinite(encoded_places(1, 1, 20)).all()
-
-
-def test_features_are_standardised_over_all_pictures_and_constant_ones_vanish():
-    made = [3 + 2 * torch.randn(5, 8, 6, generator=torch.Generator().manual_seed(k)) for k in range(3)]
-    for seen in made:
-        seen[4] = 7
-    standardise(made)
-    found = torch.cat([seen.double().flatten(1) for seen in made], dim=1)
-    assert torch.allclose(found[:4].mean(dim=1), torch.zeros(4, dtype=torch.float64), atol=1e-3)
-    assert torch.allclose(found[:4].std(dim=1, correction=0), torch.ones(4, dtype=torch.float64), atol=1e-3)
-    assert not found[4].any()
 
 
 def test_features_of_both_precisions_are_never_there_of_all_pictures(monkeypatch):
@@ -142,10 +122,3 @@ def test_shares_under_positions_are_averages():
     plane = np.zeros((8, 8), bool)
     plane[:2] = True
     assert np.allclose(averaged(plane, (2, 2)), [[0.5, 0.5], [0, 0]])
-
-
-def test_vgg_has_a_position_for_four_by_four_pixels():
-    image = np.random.default_rng(0).random((36, 48, 3)).astype(np.float32)
-    assert vgg_features(image, torch.device("cpu")).shape == (256, 9, 12)
-    with pytest.raises(InputError, match="too small"):
-        vgg_features(image[:12], torch.device("cpu"))

@@ -15,8 +15,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from baselines.gs_w.config import EncoderConfig
-from baselines.gs_w.encoder import PictureEncoder, at_size
+from baselines.encoders.config import EncoderConfig
+from baselines.encoders.unet import PictureEncoder, at_size
 from baselines.splatting.appearance.base import Appearance
 from baselines.splatting.schedule import Stream, random_stream
 from baselines.training.images import TrainingImages

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from baselines.distractors.residuals import BINS, ResidualHistogram, bins_of, inliers, residuals_of
+from baselines.masking.residuals import BINS, ResidualHistogram, bins_of, inliers, residuals_of
 from baselines.splatting.kernels.photometric import prepare_target
 from hydroviews.scene.images import to_uint8
 

@@ -8,9 +8,9 @@ import pytest
 import torch
 from servers import serving
 
-from baselines.wild_gaussians import dinov2, features
-from baselines.wild_gaussians.dinov2 import VisionTransformer, load_dinov2, weights_file, with_weights
-from baselines.wild_gaussians.features import DinoV2, make_features
+from baselines.encoders import dinov2, frozen
+from baselines.encoders.dinov2 import VisionTransformer, load_dinov2, weights_file, with_weights
+from baselines.encoders.frozen import DinoV2, calibrated
 from baselines.wild_gaussians.method import WildGaussians
 from hydroviews.errors import InputError
 
@@ -120,7 +120,7 @@ def test_weights_are_fetched_once_and_read_by_name(published):
 
 
 def test_features_are_of_whole_patches(published):
-    network = make_features("dinov2", "cpu")
+    network = calibrated("dinov2", "cpu")
     assert isinstance(network, DinoV2)
     assert network(np.zeros((36, 48, 3), np.float32)).shape == (24, 3, 4)
     seen = []
@@ -170,23 +170,23 @@ def test_a_copy_may_be_named(published, tmp_path, monkeypatch):
 
 def test_without_weights_nothing_else_is_taken(published, monkeypatch):
     published[0].files.clear()
-    monkeypatch.setattr(features, "AlexNet", None)
+    monkeypatch.setattr(frozen, "AlexNet", None)
     ways_out = "wild-gaussians with HYDROVIEWS_FEATURES=alexnet, other methods in demo or quick"
     with pytest.raises(InputError, match=rf"DINOv2's weights cannot be had(.|\n)*404(.|\n)*{ways_out}"):
-        make_features("dinov2", "cpu")
+        calibrated("dinov2", "cpu")
 
 
 def test_a_lack_of_memory_says_what_to_do(published, monkeypatch):
     def exhausted(*_):
         raise torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 20 MiB")
 
-    network = make_features("dinov2", "cpu")
+    network = calibrated("dinov2", "cpu")
     network._network = exhausted
     with pytest.raises(InputError, match=r"does not fit the memory of cpu(.|\n)*HYDROVIEWS_FEATURES=alexnet"):
         network(np.zeros((28, 28, 3), np.float32))
     monkeypatch.setattr(VisionTransformer, "to", exhausted)
     with pytest.raises(InputError, match="does not fit the memory"):
-        make_features("dinov2", "cpu")
+        calibrated("dinov2", "cpu")
 
 
 def test_the_network_is_a_setting_of_the_profile(monkeypatch):

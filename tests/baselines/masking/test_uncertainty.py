@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 import torch
 
+from baselines.encoders.frozen import AlexNet
+from baselines.masking.uncertainty import Uncertainty, UncertaintyConfig, counted, uncertainty_loss, warmed
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting.strategies.relocation import MCMCStrategy
 from baselines.training.images import TrainingImages
-from baselines.wild_gaussians.features import AlexNet, shrunk, unlikeness
-from baselines.wild_gaussians.uncertainty import Uncertainty, UncertaintyConfig, counted, uncertainty_loss, warmed
-from hydroviews.errors import InputError
 
 CONFIG = UncertaintyConfig(start=10, warm_up=20, rate=0.05)
 GROWTH = DefaultStrategy(stop=100, reset_every=None)
@@ -155,20 +154,6 @@ def test_small_renders_are_compared_at_the_size_of_the_photograph():
     assert taught.unlike(images.pixels(0)[::2, ::2] / np.float32(255), 0).shape == (4, 6)
 
 
-def test_alexnet_tells_a_blurred_picture_from_another():
-    generator = np.random.default_rng(0)
-    one, other = (generator.random((12, 16, 3)).repeat(8, 0).repeat(8, 1).astype(np.float32) for _ in range(2))
-    network = AlexNet("cpu")
-    dim = unlikeness(network(one), network(0.7 * one + 0.1))
-    assert unlikeness(network(one), network(one)).max() == 0
-    assert dim.mean() < 0.2
-    assert unlikeness(network(one), network(other)).mean() > 0.25
-    assert network(one).shape == (384, 5, 7)
-    with pytest.raises(InputError, match="too small"):
-        network(one[:20])
-    assert shrunk(np.zeros((700, 525, 3), np.float32)).shape == (350, 262, 3)
-
-
 def test_features_of_all_pictures_are_not_gathered_a_second_time_for_their_statistics(monkeypatch):
     random = torch.Generator().manual_seed(0)
     made = [3 + 2 * torch.randn(384, *size, generator=random) for size in [(9, 7), (7, 9), (9, 7)]]
@@ -187,5 +172,5 @@ def test_features_of_all_pictures_are_not_gathered_a_second_time_for_their_stati
 
 
 def test_the_features_are_recorded():
-    named = [model(features=network).settings()["features"] for network in (Colours(), AlexNet("cpu"))]
-    assert named == ["colours", "alexnet"]
+    reports = [model(features=network).report() for network in (Colours(), AlexNet("cpu"))]
+    assert reports == [{"uncertainty": "colours"}, {"uncertainty": "alexnet"}]

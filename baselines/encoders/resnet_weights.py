@@ -11,7 +11,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file
 from torch import nn
 
-from baselines.gs_w.config import EncoderConfig
+from baselines.encoders.config import EncoderConfig
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import sha256
 

@@ -12,10 +12,10 @@ not at the picture's. The authors' regulariser has no gradient, and is left out.
 """
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cache
-from typing import Any, Literal
+from typing import Any, ClassVar
 
 import cv2
 import numpy as np
@@ -25,18 +25,14 @@ from torch import Tensor, nn
 from torch.nn.functional import relu
 from tqdm import tqdm
 
+from baselines.encoders.frozen import Features, Network, standardise
+from baselines.masking.trimmed import TrimConfig, TrimmedPixels
+from baselines.splatting.config import TrainerConfig
 from baselines.splatting.kernels.photometric import Plane
-from baselines.training.images import TrainingImages
-from baselines.training.torch_state import module_arrays, restore_module
-from baselines.wild_gaussians.features import make_features, planes, shrunk
-from hydroviews.errors import InputError
-from hydroviews.metrics.lpips import MINIMUM_SIZE, activations, weights_of
-from hydroviews.scene.images import Image
+from baselines.training.checkpoints import below, prefixed
+from baselines.training.images import Size, TrainingImages
+from baselines.training.torch_state import module_arrays, one_thread, restore_module
 from hydroviews.scene.masks import Ignored
-
-FLAT = 1e-6  # features that vary less are left out
-VGG_LEVELS = 3  # of convolutions: 256 channels, a position for 4x4 pixels
-Features = Callable[[Image], Tensor]  # a picture [H, W, 3] in [0, 1] to [C, h, w]
 
 
 @dataclass(frozen=True)
@@ -53,7 +49,7 @@ class MaskNetworkConfig:
         prior: p before the first step, in (0, 1); None: p of random weights, about 0.5.
     """
 
-    features: Literal["vgg", "alexnet", "dinov2"] = "dinov2"
+    features: Network = "dinov2"
     lower: float = 0.5
     upper: float = 0.9
     width: int = 16
@@ -97,7 +93,7 @@ class MaskNetwork:
         self.layers.to(self._seen[0].device)
         self._adam = torch.optim.Adam(self.layers.parameters(), config.rate)
 
-    def size(self, view: int) -> tuple[int, int]:
+    def size(self, view: int) -> Size:
         """Height and width of a view's features."""
         return self._seen[view].shape[1], self._seen[view].shape[2]
 
@@ -132,10 +128,6 @@ class MaskNetwork:
         with torch.no_grad():
             return enlarged(self._predict(view, extra), size)
 
-    def settings(self) -> dict[str, Any]:
-        """The settings; a checkpoint made with others is another run's."""
-        return {**asdict(self.config), "seed": self.seed}
-
     def state_dict(self) -> dict[str, NDArray]:
         """What was learned."""
         return module_arrays(self.layers, self._adam)
@@ -167,57 +159,53 @@ def encoded_places(height: int, width: int, octaves: int) -> Tensor:
     return torch.from_numpy(encoded.astype(np.float32))
 
 
-def standardise(features: list[Tensor]) -> None:
-    """Give features [C, h, w] of pictures mean 0 and deviation 1 over all of them, in half precision, to keep many.
-
-    They are replaced one by one, so that both precisions of all are never there at once. What does not vary, as in
-    pictures of one colour, becomes 0.
-    """
-    number = sum(seen[0].numel() for seen in features)
-    mean = sum((seen.double().sum(dim=(1, 2)) for seen in features), torch.zeros(())) / number
-    squares = sum(
-        ((seen.double() - mean[:, None, None]).square().sum(dim=(1, 2)) for seen in features), torch.zeros(())
-    )
-    deviation = (squares / number).sqrt()
-    factor = torch.where(deviation > FLAT, 1 / deviation.clamp(min=FLAT), 0.0)
-    for view, seen in enumerate(features):
-        features[view] = ((seen.double() - mean[:, None, None]) * factor[:, None, None]).half()
-
-
 def enlarged(p: Tensor, size: tuple[int, ...]) -> Plane:
     """p [h, w] of places as a plane of pixels [H, W]."""
     return np.asarray(cv2.resize(p.detach().cpu().numpy(), size[::-1], interpolation=cv2.INTER_LINEAR), np.float32)
 
 
-def averaged(plane: NDArray[np.bool_], size: tuple[int, int]) -> Plane:
+def averaged(plane: NDArray[np.bool_], size: Size) -> Plane:
     """The share [h, w] of true pixels under each position."""
     return np.asarray(cv2.resize(plane.astype(np.float32), size[::-1], interpolation=cv2.INTER_AREA), np.float32)
 
 
-def frozen(network: Literal["vgg", "alexnet", "dinov2"], device: str) -> Features:
-    """A frozen network on a device.
+class FeatureMask(TrimmedPixels):
+    """Weights by what the network takes for the scene's (SpotLessSplats)."""
 
-    Raises:
-        InputError: its weights can neither be found nor fetched, are not the published ones, or do not fit the memory.
-    """
-    if network != "vgg":
-        return make_features(network, device)
-    there = torch.device(device)
-    weights_of("vgg", there)  # now rather than at the first picture, so that a lack of them shows early
-    return lambda image: vgg_features(image, there)
+    extra: ClassVar[int] = 0  # planes of `context`
 
+    def __init__(
+        self, images: TrainingImages, trim: TrimConfig, splatting: TrainerConfig, network: MaskNetwork, seed: int
+    ) -> None:
+        """See TrimmedPixels; with a network that was made for the same images."""
+        super().__init__(images, trim, splatting, seed)
+        self.network = network
 
-@torch.no_grad()
-def vgg_features(image: Image, device: torch.device) -> Tensor:
-    """The last convolution's 256 channels before VGG's third pooling, a position for 4x4 pixels of at most 350 a side.
+    def probability(self, residuals: Plane, view: int, ignored: Ignored | None) -> Plane:
+        """See TrimmedPixels; the network takes a step."""
+        config = self.network.config
+        lower, upper = (self.below(residuals, share, ignored) for share in (config.lower, config.upper))
+        with one_thread():
+            return self.network.learn(view, lower, upper, ignored, self.context(view))
 
-    Raises:
-        InputError: the picture is too small.
-    """
-    if min(image.shape[:2]) < MINIMUM_SIZE["vgg"]:
-        raise InputError(
-            "features: the photographs are too small",
-            found=f"{image.shape[1]}x{image.shape[0]} pixels",
-            expected=f"at least {MINIMUM_SIZE['vgg']} a side",
-        )
-    return activations("vgg", planes(shrunk(image), device)[None], VGG_LEVELS)[-1][0]
+    def predicted(self, residuals: Plane, view: int, ignored: Ignored | None) -> Plane:
+        """See TrimmedPixels."""
+        with one_thread():
+            return self.network.probability(view, residuals.shape, self.context(view))
+
+    def context(self, view: int) -> Sequence[Plane]:
+        """What the network sees of a view beside its features; here nothing."""
+        return ()
+
+    def report(self) -> dict[str, Any]:
+        """See PixelWeights; the features that the network saw as well."""
+        return {"features": self.network.config.features, **super().report()}
+
+    def state_dict(self) -> dict[str, NDArray]:
+        """See PixelWeights."""
+        return super().state_dict() | prefixed("network", self.network.state_dict())
+
+    def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
+        """See PixelWeights."""
+        super().load_state_dict(arrays)
+        self.network.load_state_dict(below("network", arrays))

@@ -6,7 +6,8 @@ import torch
 
 from baselines.gs_w.appearance import ReferenceAppearance
 from baselines.gs_w.config import SHORT, ReferenceConfig
-from baselines.gs_w.objective import VisibleObjective, learn_visibility, perceptual_loss, visibility_loss
+from baselines.gs_w.objective import PerceptualObjective, perceptual_loss
+from baselines.masking.visibility import learn_visibility, visibility_loss
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.loss_map import loss_map
 from baselines.splatting.kernels.photometric import photometric_loss
@@ -22,7 +23,7 @@ def pictures(count=4, seed=0):
 
 def objective(pixels, config=ALWAYS, iterations=100, ignored=()):
     images = TrainingImages(list(pixels), ignored)
-    return VisibleObjective(images, 0.2, ReferenceAppearance(images, config, 1, iterations, 0))
+    return PerceptualObjective(images, 0.2, ReferenceAppearance(images, config, 1, iterations, 0), config.lpips)
 
 
 def taught(rule, renders, steps=80):

@@ -5,10 +5,11 @@ import pytest
 import torch
 from safetensors.torch import save_file
 
+from baselines.encoders.resnet_weights import load_resnet
+from baselines.encoders.unet import VISIBLE_AT_FIRST, ResNet18
 from baselines.gs_w.appearance import ReferenceAppearance
 from baselines.gs_w.config import SHORT
-from baselines.gs_w.encoder import VISIBLE_AT_FIRST, ReferenceEncoder, ResNet18
-from baselines.gs_w.weights import load_resnet
+from baselines.gs_w.encoder import ReferenceEncoder
 from baselines.training.images import TrainingImages
 from hydroviews.errors import InputError
 

@@ -1,19 +1,26 @@
-"""Masks m of the photographs, 1 where the scene need not explain a pixel: what masking costs, and the loss (Ha-NeRF).
+"""Weights of the rays of radiance fields: masks m, 1 where the scene need not explain a pixel (Ha-NeRF, CR-NeRF).
 
-How m comes about is each method's own.
+How m comes about is each method's own. What masking costs, the loss, and what a method says of its masks are here.
+Rays are few, drawn from several views, and have gradients: so the loss takes m itself, and not weights of whole views.
 """
 
 import logging
 import math
+from abc import abstractmethod
 from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor, nn
 
-from baselines.volumetric.batches import Batch
+from baselines.method import TrainingSummary
+from baselines.splatting.kernels.photometric import Plane
+from baselines.training.images import Size
+from baselines.volumetric.batches import Batch, Draw
 from baselines.volumetric.config import VolumetricConfig
+from baselines.volumetric.grids import grids
 from baselines.volumetric.losses import Losses, proposal_losses, squared_error
-from baselines.volumetric.model import Rendering
+from baselines.volumetric.method import RadianceMethod
+from baselines.volumetric.model import RadianceModel, Rendering
 
 logger = logging.getLogger(__name__)
 
@@ -103,6 +110,39 @@ def pixel_places(size: tuple[int, int], device: torch.device) -> Tensor:
     """The places [H, W, 2] of all pixels of a view at (height, width), as a batch has them."""
     rows, columns = ((torch.arange(count, device=device) + 0.5) / count for count in size)
     return torch.stack(torch.meshgrid(rows, columns, indexing="ij"), 2)
+
+
+class MaskedField(RadianceModel):
+    """A radiance field with masks of its training views."""
+
+    running: Running
+
+    @abstractmethod
+    def mask(self, view: int, size: Size) -> Plane | None:
+        """m [H, W] of a training view at (height, width); None where its photograph is not at hand."""
+
+
+class MaskedFieldMethod(RadianceMethod):
+    """A method whose steps see grids of rays in a few photographs, masked by a MaskedField."""
+
+    def draw(self) -> Draw:
+        """See RadianceMethod."""
+        return grids(self.config.photographs, self.config.side, self.config.min_scale)
+
+    @torch.no_grad()
+    def hidden(self, view: int, size: Size) -> Plane | None:
+        """See Method: m."""
+        return self._field.mask(view, size)
+
+    def summary(self) -> TrainingSummary:
+        """See Method; also how much of the photographs was masked at the end."""
+        return replace(super().summary(), used=f"{float(self._field.running.masked):.1%} of the pixels masked")
+
+    @property
+    def _field(self) -> MaskedField:
+        field = self._require().trained.model
+        assert isinstance(field, MaskedField)
+        return field
 
 
 def masked_losses(rendering: Rendering, batch: Batch, config: VolumetricConfig, own: Losses) -> Losses:
