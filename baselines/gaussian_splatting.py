@@ -23,7 +23,7 @@ from baselines.splatting.kernels.rasterizer import render
 from baselines.splatting.objective import Objective
 from baselines.splatting.trainer import TrainedScene, train
 from baselines.splatting_profiles import BUDGETED, PROFILES
-from baselines.training.checkpoints import MODEL, megabytes
+from baselines.training.checkpoints import MODEL, megabytes, settings_of
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, write_json
 from hydroviews.scene.cameras import Camera
@@ -65,7 +65,8 @@ class GaussianSplatting(Method):
     def fit(self, scene: Scene, folder: Path) -> None:
         """See Method."""
         self._objective = self.objective(scene, folder)
-        self._trained = train(scene, self.splatting, self.seed, folder, self._objective)
+        settings = settings_of(self.config, method=type(self).__name__)
+        self._trained = train(scene, self.splatting, self.seed, folder, self._objective, settings)
         self._cameras = tuple(view.camera for view in scene.train_views)
         if self._objective is not None:
             self.found |= self._objective.report()

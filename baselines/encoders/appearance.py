@@ -7,8 +7,6 @@ encoder once.
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import asdict
-from typing import Any
 
 import numpy as np
 import torch
@@ -98,10 +96,6 @@ class EncodedAppearance(Appearance):
         self._adam.step()
         self._adam.zero_grad()
         self._outputs, self._leaves, self._steps = (), (), iteration + 1
-
-    def settings(self) -> dict[str, Any]:
-        """See Appearance."""
-        return {**super().settings(), "seed": self.seed, "iterations": self.iterations, **asdict(self.config)}
 
     def training_state(self) -> dict[str, NDArray]:
         """See Appearance."""

@@ -15,6 +15,7 @@ class EncoderConfig:
     absent: float = 0.0  # share of the steps without features of the reference
     final: float = 0.1  # factor of the networks' learning rates at the end
     visible_from: float = 2500 / 70_000  # share of the iterations after which the mask weighs the loss; above 1: never
+    lpips: float = 0.005  # weight of LPIPS (VGG) in the loss
 
     def __post_init__(self) -> None:
         if not 0 <= self.absent < 1:

@@ -25,7 +25,6 @@ class ReferenceConfig(EncoderConfig):
     rate_coordinates: float = 4e-3  # learning rate of the coordinates in the maps, in [-1, 1]
     box: float = 1e-3  # weight of mean(relu(|coordinate| - 1)) in the loss
     visible_price: float = 0.15  # weight of mean((1 - m)^2) in the loss
-    lpips: float = 0.005  # weight of LPIPS (VGG) in the loss
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -24,13 +24,13 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from baselines.encoders.objective import PerceptualObjective
 from baselines.encoders.resnet_weights import encoder_used, load_resnet, with_named_weights
 from baselines.gaussian_splatting import MASKED, GaussianSplatting
 from baselines.gs_w.appearance import ReferenceAppearance
 from baselines.gs_w.config import SHORT, ReferenceConfig
 from baselines.gs_w.fusion import Fusion
 from baselines.gs_w.mean_appearance import average_features, coloured_for, mean_colours
-from baselines.gs_w.objective import PerceptualObjective
 from baselines.method import TrainingSummary
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.gaussians import Gaussians
@@ -99,7 +99,7 @@ class GaussianInTheWild(GaussianSplatting):
         )
         if config.appearance.weights:
             load_resnet(appearance.encoder.backbone, Path(config.appearance.weights))
-        return PerceptualObjective(images, splatting.lambda_dssim, appearance, config.appearance.lpips)
+        return PerceptualObjective(images, splatting.lambda_dssim, appearance)
 
     @one_thread()
     def fit(self, scene: Scene, folder: Path) -> None:

@@ -148,9 +148,8 @@ class Objective:
         return None
 
     def settings(self) -> dict[str, Any]:
-        """The settings; a checkpoint with other settings is refused."""
-        settings = {"name": type(self).__name__, "lambda_dssim": self.lambda_dssim}
-        return settings if self.appearance is None else {**settings, "appearance": self.appearance.settings()}
+        """What a checkpoint must agree with, beside the settings of the method."""
+        return {"name": type(self).__name__, "lambda_dssim": self.lambda_dssim}
 
     def state_dict(self) -> dict[str, NDArray]:
         """Learned parameters other than the Gaussians."""

@@ -9,8 +9,7 @@ colours of the points; and the constant 0.5 of the colours takes the gain as wel
 """
 
 import math
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -98,10 +97,6 @@ class WildAppearance(Appearance):
     def feature_rate(self, iteration: int) -> float:
         """See Appearance."""
         return self._config.gaussian_rate * self._decay(iteration)
-
-    def settings(self) -> dict[str, Any]:
-        """See Appearance."""
-        return {**super().settings(), **asdict(self._config)}
 
     def training_state(self) -> dict[str, NDArray]:
         """See Appearance."""

@@ -31,6 +31,7 @@ from baselines.splatting.schedule import LearningRates
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting.trainer import train
 from baselines.splatting_profiles import PROFILES_WITH_NETWORKS
+from baselines.training.checkpoints import settings_of
 from baselines.training.devices import chosen_device
 from baselines.training.images import TrainingImages, read_images
 from baselines.training.torch_state import one_thread
@@ -140,7 +141,8 @@ class WildGaussians(GaussianSplatting):
         with one_thread():
             uncertainty = self._uncertainty(images)
             objective = WildObjective(images, splatting.lambda_dssim, appearance, uncertainty)
-            trained = train(scene, splatting, self.seed, folder, objective)
+            settings = settings_of(config, method=type(self).__name__)
+            trained = train(scene, splatting, self.seed, folder, objective, settings)
             if appearance:
                 cameras = [view.camera for view in scene.train_views]
                 shown = mean_appearance(trained.gaussians, appearance, cameras, trained.near, splatting.antialiased)

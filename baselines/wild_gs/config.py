@@ -14,6 +14,7 @@ class LookConfig(EncoderConfig):
     """
 
     visible_from: float = 0.05
+    lpips: float = 0.0
     code: int = 16  # length of the global code and of the local code
     intrinsic: int = 32  # length of a Gaussian's intrinsic code
     hidden: int = 32  # units of the networks of codes and colours

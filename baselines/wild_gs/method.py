@@ -23,13 +23,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
+from baselines.encoders.objective import PerceptualObjective
 from baselines.encoders.resnet_weights import encoder_used, load_resnet, with_named_weights
 from baselines.gaussian_splatting import MASKED, GaussianSplatting
-from baselines.masking.visibility import VisibilityMask
 from baselines.method import TrainingSummary
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.initialisation import scene_extent
-from baselines.splatting.objective import Objective
 from baselines.splatting_profiles import PROFILES_WITH_NETWORKS, with_iterations
 from baselines.training.images import read_images
 from baselines.training.torch_state import one_thread
@@ -69,7 +68,7 @@ class WildGS(GaussianSplatting):
         config: WildGSConfig = super().configuration(profile)
         return replace(config, look=with_named_weights(config.look))
 
-    def objective(self, scene: Scene, folder: Path) -> Objective:
+    def objective(self, scene: Scene, folder: Path) -> PerceptualObjective:
         """See GaussianSplatting.
 
         Raises:
@@ -83,7 +82,7 @@ class WildGS(GaussianSplatting):
         )
         if look.weights:
             load_resnet(appearance.encoder.backbone, Path(look.weights))
-        return Objective(images, splatting.lambda_dssim, appearance, VisibilityMask(appearance))
+        return PerceptualObjective(images, splatting.lambda_dssim, appearance)
 
     @one_thread()
     def fit(self, scene: Scene, folder: Path) -> None:

@@ -9,11 +9,10 @@ from disturbed import fitted
 from splats import BACKGROUND, cloud, photographed
 from torch.nn.modules.module import register_module_forward_pre_hook
 
-from baselines.masking.visibility import VisibilityMask
+from baselines.encoders.objective import PerceptualObjective
 from baselines.splatting.appearance.gaussians import with_appearance
 from baselines.splatting.backends.base import CpuBackend
 from baselines.splatting.config import TrainerConfig
-from baselines.splatting.objective import Objective
 from baselines.splatting.schedule import LearningRates, rates_at
 from baselines.splatting.state import fresh_state
 from baselines.splatting.strategies.base import StepOptions
@@ -90,7 +89,7 @@ def assert_the_same_steps(folder, cuda_backend, appearance_of):
     ends = []
     for kind in (CpuBackend, cuda_backend):
         appearance = appearance_of(images)
-        backend = kind(Objective(images, 0.2, appearance, VisibilityMask(appearance)), BACKGROUND, 0.01)
+        backend = kind(PerceptualObjective(images, 0.2, appearance), BACKGROUND, 0.01)
         backend.put(fresh_state(with_appearance(cloud(60, 1), appearance)))
         for iteration in range(4):
             rates = {

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import torch
 
+from baselines.encoders.objective import PerceptualObjective, perceptual_loss
 from baselines.gs_w.appearance import ReferenceAppearance
 from baselines.gs_w.config import SHORT, ReferenceConfig
-from baselines.gs_w.objective import PerceptualObjective, perceptual_loss
 from baselines.masking.visibility import learn_visibility, visibility_loss
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.loss_map import loss_map
@@ -23,7 +23,7 @@ def pictures(count=4, seed=0):
 
 def objective(pixels, config=ALWAYS, iterations=100, ignored=()):
     images = TrainingImages(list(pixels), ignored)
-    return PerceptualObjective(images, 0.2, ReferenceAppearance(images, config, 1, iterations, 0), config.lpips)
+    return PerceptualObjective(images, 0.2, ReferenceAppearance(images, config, 1, iterations, 0))
 
 
 def taught(rule, renders, steps=80):
@@ -128,7 +128,9 @@ def test_what_is_hidden_is_not_looked_at():
 
 def test_lpips_is_added_unmasked(monkeypatch):
     """With a stand-in for the network, whose gradient is known."""
-    monkeypatch.setattr("baselines.gs_w.objective.lpips", lambda a, b, net, ignored: ((a - b) ** 2).mean(dim=(1, 2, 3)))
+    monkeypatch.setattr(
+        "baselines.encoders.objective.lpips", lambda a, b, net, ignored: ((a - b) ** 2).mean(dim=(1, 2, 3))
+    )
     image, photograph = np.random.default_rng(0).random((2, 8, 9, 3), np.float32)
     value, gradient = perceptual_loss(image, photograph)
     assert value == pytest.approx(np.mean((image - photograph) ** 2), rel=1e-5)

@@ -113,4 +113,3 @@ def test_steps_survive_a_checkpoint_and_rates_fall():
     assert not any(parameter.grad is not None and parameter.grad.any() for parameter in one.parameters())
     falling = appearance(config=AppearanceConfig(final=0.01))
     assert falling.feature_rate(50) == pytest.approx(0.1 * falling.feature_rate(0))
-    assert falling.settings() != appearance().settings()

@@ -1,4 +1,4 @@
-"""What GS-W's renders are compared with: the photographs, by pixels that are weighed, and by LPIPS, which is not."""
+"""The loss of methods that encode photographs: photometric under their visibility mask, and unmasked LPIPS."""
 
 import numpy as np
 import torch
@@ -19,20 +19,18 @@ class PerceptualObjective(Objective):
 
     appearance: EncodedAppearance
 
-    def __init__(
-        self, images: TrainingImages, lambda_dssim: float, appearance: EncodedAppearance, lpips_weight: float
-    ) -> None:
+    def __init__(self, images: TrainingImages, lambda_dssim: float, appearance: EncodedAppearance) -> None:
         super().__init__(images, lambda_dssim, appearance, VisibilityMask(appearance))
-        self.lpips_weight = lpips_weight
 
     def __call__(self, image: Image, view: int, iteration: int, buffers: BufferPool) -> tuple[float, Image]:
         """See Objective."""
         loss, gradient = super().__call__(image, view, iteration, buffers)
-        if self.lpips_weight:
+        weight = self.appearance.config.lpips
+        if weight:
             size = image.shape[0], image.shape[1]
             photograph, ignored = self.target(view, size).image, self.images.ignored(view, size)
             value, more = perceptual_loss(image, photograph, ignored, self.appearance.device)
-            loss, gradient = loss + self.lpips_weight * value, gradient + self.lpips_weight * more
+            loss, gradient = loss + weight * value, gradient + weight * more
         return loss, gradient
 
 
