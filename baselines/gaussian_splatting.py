@@ -19,8 +19,8 @@ from baselines.splatting.files.unfiltered import without_filter
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import Plane
-from baselines.splatting.kernels.rasterizer import render
 from baselines.splatting.objective import Objective
+from baselines.splatting.rasterizer import render
 from baselines.splatting.trainer import TrainedScene, train
 from baselines.splatting_profiles import BUDGETED, PROFILES
 from baselines.training.checkpoints import MODEL, megabytes, settings_of

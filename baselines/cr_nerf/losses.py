@@ -2,9 +2,9 @@
 
 from baselines.cr_nerf.config import CrNerfConfig
 from baselines.masking.rays import masked_losses
-from baselines.volumetric.batches import Batch
 from baselines.volumetric.losses import Loss, Losses
 from baselines.volumetric.model import Rendering
+from baselines.volumetric.rays.batches import Batch
 
 
 def cr_nerf_losses(config: CrNerfConfig) -> Loss:

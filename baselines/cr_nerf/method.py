@@ -32,7 +32,7 @@ from baselines.cr_nerf.losses import cr_nerf_losses
 from baselines.cr_nerf.model import CrNerfModel
 from baselines.masking.rays import MaskedFieldMethod
 from baselines.volumetric.losses import Loss
-from baselines.volumetric.spaces import Space
+from baselines.volumetric.rays.spaces import Space
 
 
 class CrNerf(MaskedFieldMethod):

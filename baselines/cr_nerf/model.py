@@ -12,11 +12,11 @@ from baselines.cr_nerf.transients import TransientNetwork, read
 from baselines.masking.rays import MaskedField, Running, pixel_places, price_of_masking
 from baselines.splatting.kernels.photometric import Plane
 from baselines.training.images import Size, TrainingImages
-from baselines.volumetric.batches import Batch
 from baselines.volumetric.compositing import along_ray, compositing_weights
 from baselines.volumetric.model import Rendering, Samples, TrainingContext
-from baselines.volumetric.photographs import AT_ONCE, as_seen, rays_of_the_mean, small_pictures
-from baselines.volumetric.spaces import Rays, Space
+from baselines.volumetric.rays.batches import Batch
+from baselines.volumetric.rays.photographs import AT_ONCE, as_seen, rays_of_the_mean, small_pictures
+from baselines.volumetric.rays.spaces import Rays, Space
 
 KEPT = 0.99  # of the statistics of the rays, a step
 

@@ -36,7 +36,7 @@ from baselines.gaussian_splatting import GaussianSplatting, warn_if_hidden
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import Plane, photometric_loss
-from baselines.splatting.kernels.sh_coefficients import C0
+from baselines.splatting.kernels.splats.sh_coefficients import C0
 from baselines.splatting.objective import Objective
 from baselines.splatting.schedule import LearningRates
 from baselines.splatting_profiles import PROFILES_WITHOUT_RESETS

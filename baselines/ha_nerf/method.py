@@ -31,7 +31,7 @@ from baselines.ha_nerf.losses import ha_nerf_losses
 from baselines.ha_nerf.model import HaNerfModel
 from baselines.masking.rays import MaskedFieldMethod
 from baselines.volumetric.losses import Loss
-from baselines.volumetric.spaces import Space
+from baselines.volumetric.rays.spaces import Space
 
 
 class HaNerf(MaskedFieldMethod):

@@ -12,10 +12,10 @@ from baselines.ha_nerf.visibility import Visibility
 from baselines.masking.rays import MaskedField, Running, price_of_masking
 from baselines.splatting.kernels.photometric import Plane
 from baselines.training.images import Size, TrainingImages
-from baselines.volumetric.batches import Batch
 from baselines.volumetric.model import Rendering, Samples, TrainingContext
-from baselines.volumetric.photographs import AT_ONCE, as_seen, rays_of_the_mean, small_pictures
-from baselines.volumetric.spaces import Rays, Space
+from baselines.volumetric.rays.batches import Batch
+from baselines.volumetric.rays.photographs import AT_ONCE, as_seen, rays_of_the_mean, small_pictures
+from baselines.volumetric.rays.spaces import Rays, Space
 
 
 class HaNerfModel(MaskedField):

@@ -14,7 +14,7 @@ from torch import Tensor, nn
 
 from baselines.ha_nerf.config import VisibilityConfig
 from baselines.masking.rays import pixel_places
-from baselines.volumetric.encodings import linear, positional
+from baselines.volumetric.fields.encodings import linear, positional
 
 
 class Visibility(nn.Module):

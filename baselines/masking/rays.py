@@ -15,12 +15,12 @@ from torch import Tensor, nn
 from baselines.method import TrainingSummary
 from baselines.splatting.kernels.photometric import Plane
 from baselines.training.images import Size
-from baselines.volumetric.batches import Batch, Draw
 from baselines.volumetric.config import VolumetricConfig
-from baselines.volumetric.grids import grids
 from baselines.volumetric.losses import Losses, proposal_losses, squared_error
 from baselines.volumetric.method import RadianceMethod
 from baselines.volumetric.model import RadianceModel, Rendering
+from baselines.volumetric.rays.batches import Batch, Draw
+from baselines.volumetric.rays.grids import grids
 
 logger = logging.getLogger(__name__)
 

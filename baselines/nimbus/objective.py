@@ -22,8 +22,8 @@ from baselines.nimbus.view_rays import rays_of, small_camera
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import Plane, photometric_loss
-from baselines.splatting.kernels.rasterizer import depth, render
 from baselines.splatting.objective import Objective
+from baselines.splatting.rasterizer import depth, render
 from baselines.training.checkpoints import below, prefixed
 from baselines.training.images import TrainingImages
 from baselines.training.torch_state import module_arrays, one_thread, restore_module

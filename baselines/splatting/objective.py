@@ -109,7 +109,7 @@ class Objective:
         """What a GPU compares of its render [H, W, 3] of a training view; None where that is left to `compare`."""
         if not self.is_photometric:
             return None
-        from baselines.splatting.backends.transfers import fetched, sent
+        from baselines.training.torch_state import fetched, sent
 
         size = render.shape[0], render.shape[1]
         weights = self.weights(cache(lambda: fetched(render)), view, size, iteration, buffers)

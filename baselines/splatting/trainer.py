@@ -14,9 +14,9 @@ from baselines.splatting.backends.warm_up import warm_up
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.files.checkpoints import state_from_tree, state_to_tree
 from baselines.splatting.gaussians import FEATURES, Gaussians
-from baselines.splatting.initialisation import initialise, scene_extent
 from baselines.splatting.objective import Objective
 from baselines.splatting.state import TrainingState, fresh_state, without_non_finite
+from baselines.splatting.strategies.initialisation import initialise, scene_extent
 from baselines.splatting.strategies.pruning import prune
 from baselines.training.checkpoints import CHECKPOINT, Tree, fingerprint_of, settings_of
 from baselines.training.images import evenly_spread, read_images

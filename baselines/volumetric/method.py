@@ -14,11 +14,11 @@ from baselines.training.checkpoints import MODEL, megabytes, read_arrays, settin
 from baselines.training.devices import chosen_device
 from baselines.training.images import TrainingImages, read_images
 from baselines.training.torch_state import module_arrays, restore_module
-from baselines.volumetric.batches import Draw, TrainingPixels
 from baselines.volumetric.config import VolumetricConfig
 from baselines.volumetric.losses import Loss, photometric_losses
 from baselines.volumetric.model import RadianceModel
-from baselines.volumetric.spaces import Space, space_from
+from baselines.volumetric.rays.batches import Draw, TrainingPixels
+from baselines.volumetric.rays.spaces import Space, space_from
 from baselines.volumetric.trainer import TrainedField, train
 from hydroviews.errors import InputError
 from hydroviews.scene.cameras import Camera

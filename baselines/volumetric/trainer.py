@@ -14,13 +14,13 @@ from baselines.training.devices import chosen_device
 from baselines.training.images import TrainingImages, read_images
 from baselines.training.loop import Metrics, run
 from baselines.training.torch_state import module_arrays, restore_module
-from baselines.volumetric.batches import Batch, Draw, TrainingPixels
 from baselines.volumetric.config import VolumetricConfig
-from baselines.volumetric.hash_grid import warm_up as warm_up_kernels
+from baselines.volumetric.fields.hash_grid import warm_up as warm_up_kernels
 from baselines.volumetric.losses import Loss, photometric_losses
 from baselines.volumetric.model import RadianceModel, TrainingContext
-from baselines.volumetric.sampling import annealed
-from baselines.volumetric.spaces import Space, choose_space
+from baselines.volumetric.rays.batches import Batch, Draw, TrainingPixels
+from baselines.volumetric.rays.sampling import annealed
+from baselines.volumetric.rays.spaces import Space, choose_space
 from hydroviews.scene.scenes import Scene
 from hydroviews.scene.seeds import generator
 

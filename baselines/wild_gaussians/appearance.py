@@ -19,7 +19,7 @@ from torch.nn.functional import pad
 
 from baselines.splatting.appearance.base import Appearance
 from baselines.splatting.gaussians import Gaussians
-from baselines.splatting.kernels.sh_coefficients import C0
+from baselines.splatting.kernels.splats.sh_coefficients import C0
 from baselines.training.torch_state import module_arrays, restore_module
 from baselines.wild_gaussians.sky import Bounds
 from hydroviews.scene.cameras import Camera

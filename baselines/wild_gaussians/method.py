@@ -23,12 +23,12 @@ from baselines.masking.uncertainty import Uncertainty, UncertaintyConfig
 from baselines.method import TrainingSummary
 from baselines.splatting.backends.base import GSPLAT
 from baselines.splatting.config import TrainerConfig
-from baselines.splatting.initialisation import scene_extent
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import photometric_loss
 from baselines.splatting.objective import Objective
 from baselines.splatting.schedule import LearningRates
 from baselines.splatting.strategies.densification import DefaultStrategy
+from baselines.splatting.strategies.initialisation import scene_extent
 from baselines.splatting.trainer import train
 from baselines.splatting_profiles import PROFILES_WITH_NETWORKS
 from baselines.training.checkpoints import settings_of

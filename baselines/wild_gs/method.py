@@ -28,7 +28,7 @@ from baselines.encoders.resnet_weights import encoder_used, load_resnet, with_na
 from baselines.gaussian_splatting import MASKED, GaussianSplatting
 from baselines.method import TrainingSummary
 from baselines.splatting.config import TrainerConfig
-from baselines.splatting.initialisation import scene_extent
+from baselines.splatting.strategies.initialisation import scene_extent
 from baselines.splatting_profiles import PROFILES_WITH_NETWORKS, with_iterations
 from baselines.training.images import read_images
 from baselines.training.torch_state import one_thread

@@ -23,7 +23,7 @@ from baselines.training.images import TrainingImages
 from baselines.volumetric import model as volumetric_model
 from baselines.volumetric.compositing import INFINITE
 from baselines.volumetric.config import MlpFieldConfig
-from baselines.volumetric.photographs import as_seen
+from baselines.volumetric.rays.photographs import as_seen
 
 STYLE = StyleConfig(channels=(8, 8, 16), side=24, map_side=6, rate=5e-3)
 TRANSIENTS = TransientConfig(

@@ -23,8 +23,8 @@ from baselines.distractors.view_layers import (
 from baselines.splatting.backends import torch_rasterizer
 from baselines.splatting.gaussians import FIELDS
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from baselines.splatting.kernels.rasterizer import backward_sh_sets
-from baselines.splatting.kernels.sh_coefficients import from_colour
+from baselines.splatting.kernels.splats.sh_coefficients import from_colour
+from baselines.splatting.rasterizer import backward_sh_sets
 from baselines.splatting.strategies.densification import DefaultStrategy
 
 VIEW = camera(24, 18)

@@ -8,8 +8,8 @@ from splats import photographed
 from trainings import CONFIG, Interrupted, assert_identical, crashed_and_resumed, psnr, trained_behind_a_mask
 
 from baselines.gaussian_splatting import GaussianSplatting
-from baselines.splatting.kernels.rasterizer import render
 from baselines.splatting.objective import Objective
+from baselines.splatting.rasterizer import render
 from baselines.splatting.schedule import shrink_at, shrunk
 from baselines.splatting.trainer import train
 from baselines.training.images import TrainingImages, read_images

@@ -9,7 +9,7 @@ import pytest
 from trainings import CONFIG, Interrupted, assert_identical, crashed_and_resumed, psnr, trained_behind_a_mask
 
 from baselines.gaussian_splatting import GaussianSplatting
-from baselines.splatting.kernels.rasterizer import render
+from baselines.splatting.rasterizer import render
 from baselines.splatting.trainer import train
 from baselines.training.checkpoints import CHECKPOINT
 from baselines.training.devices import chosen_device

@@ -15,8 +15,8 @@ from baselines.method import find_method
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.files.ply import read_ply
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from baselines.splatting.kernels.rasterizer import render
 from baselines.splatting.objective import Objective
+from baselines.splatting.rasterizer import render
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.wild_gaussians.appearance import AppearanceConfig
 from baselines.wild_gaussians.method import PROFILES, WildConfig, WildGaussians

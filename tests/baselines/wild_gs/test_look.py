@@ -10,7 +10,7 @@ from splats import camera, cloud
 from baselines.encoders.objective import PerceptualObjective
 from baselines.splatting.appearance.gaussians import AppearanceGaussians, with_appearance
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from baselines.splatting.kernels.sh_coefficients import C0
+from baselines.splatting.kernels.splats.sh_coefficients import C0
 from baselines.training.images import TrainingImages
 from baselines.wild_gs.appearance import LookAppearance
 from baselines.wild_gs.config import SHORT

@@ -8,12 +8,12 @@ from synthetic import capture_in
 from hydroviews.dataset.build import build
 from hydroviews.dataset.card.card import Licence, find_licence, keep_licence
 from hydroviews.dataset.card.markdown import describe_rain
+from hydroviews.dataset.checks.verify import verify
 from hydroviews.dataset.manifest import built_scenes, read_manifest
 from hydroviews.dataset.statistics import read_statistics
-from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
-from hydroviews.formats.markdown import markdown_table
+from hydroviews.formats.tables.markdown import markdown_table
 
 
 @pytest.fixture

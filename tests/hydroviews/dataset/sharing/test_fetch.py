@@ -8,12 +8,12 @@ from shared_data_set import built_in
 
 from hydroviews.captures.download import archives
 from hydroviews.captures.download.archives import BadArchive
+from hydroviews.dataset.checks.verify import verify
 from hydroviews.dataset.manifest import data_hash, forget_scene, read_manifest
 from hydroviews.dataset.sharing import archive as archive_module
 from hydroviews.dataset.sharing.fetch import fetch
 from hydroviews.dataset.sharing.pack import pack
 from hydroviews.dataset.variants import open_clean, open_variant
-from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
 from hydroviews.files import http_download
 from hydroviews.files.ownership import LISTS, left_by_others
