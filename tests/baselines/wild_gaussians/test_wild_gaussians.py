@@ -11,7 +11,6 @@ from trainings import psnr
 import baselines.wild_gaussians.method as wild
 from baselines.gaussian_splatting import GaussianSplatting
 from baselines.masking.uncertainty import UncertaintyConfig
-from baselines.method import find_method
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.files.ply import read_ply
 from baselines.splatting.kernels.buffer_pool import BufferPool
@@ -19,8 +18,7 @@ from baselines.splatting.objective import Objective
 from baselines.splatting.rasterizer import render
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.wild_gaussians.appearance import AppearanceConfig
-from baselines.wild_gaussians.method import PROFILES, WildConfig, WildGaussians
-from hydroviews.errors import InputError
+from baselines.wild_gaussians.method import WildConfig, WildGaussians
 
 GROWTH = DefaultStrategy(
     start=10, stop=150, every=20, budget=300, grow_grad2d=5e-5, reset_every=None, prune_scale3d=1.0
@@ -121,15 +119,3 @@ def test_the_loss_is_l1_of_the_toned_look_and_ssim_of_the_plain_one(tmp_path):
 def test_masks_that_hide_everything_are_said(tmp_path, caplog):
     uncertain = replace(BRIEF.uncertainty, start=0, warm_up=0, prior=2.0)
     hides_everything_and_says_so(WildGaussians, replace(BRIEF, uncertainty=uncertain), tmp_path, caplog)
-
-
-def test_the_profiles_are_the_methods(tmp_path):
-    assert find_method("wild-gaussians") is WildGaussians
-    assert PROFILES["paper"].uncertainty.features == "dinov2"
-    assert {PROFILES[name].uncertainty.features for name in ("demo", "quick")} == {"alexnet"}
-    with_max_iterations = WildGaussians.with_max_iterations(WildGaussians.configuration("demo"), 20)
-    assert with_max_iterations.splatting.iterations == 20
-    with pytest.raises(InputError, match="PROFILE=big"):
-        WildGaussians.configuration("big")
-    with pytest.raises(InputError, match="not trained"):
-        WildGaussians(BRIEF, 0).render(photographed(tmp_path).views[0].camera)

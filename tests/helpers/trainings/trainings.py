@@ -11,8 +11,6 @@ from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting.strategies.relocation import MCMCStrategy
 from baselines.splatting.trainer import TrainerConfig, train
 from baselines.training.images import read_images
-from hydroviews.scene.images import write_png
-from hydroviews.scene.masks import write_ignored
 
 DENSIFY = DefaultStrategy(start=20, stop=150, every=20, budget=150, reset_every=60, grow_grad2d=5e-5, prune_scale3d=1.0)
 CONFIG = TrainerConfig(iterations=200, sh_degree=1, sh_degree_interval=60, strategy=DENSIFY, device="cpu")
@@ -45,24 +43,6 @@ def crashed_and_resumed(scene, config, iteration, folder):
     with pytest.raises(RuntimeError, match="power cut"):
         train(scene, config, 0, folder, Interrupted(read_images(scene.train_views), iteration, crash))
     return train(scene, replace(config, checkpoint_seconds=1e9), 0, folder)
-
-
-def trained_behind_a_mask(scene, config, folder):
-    """Two trainings on views of which a rectangle is hidden, and different in the two."""
-    camera = scene.views[0].camera
-    ignored = np.zeros((camera.height, camera.width), bool)
-    ignored[10:30, 15:35] = True
-    write_ignored(folder / "mask.png", ignored)
-    rng = np.random.default_rng(0)
-    trained = []
-    for take in ("one", "two"):
-        views = []
-        for view in scene.views:
-            pixels = np.where(ignored[..., None], rng.random(3), view.image()).astype(np.float32)
-            write_png(folder / take / view.path.name, pixels)
-            views.append(replace(view, path=folder / take / view.path.name, mask=folder / "mask.png"))
-        trained.append(train(replace(scene, views=tuple(views)), config, 0, folder / f"run-{take}"))
-    return trained
 
 
 def assert_identical(one, two):
