@@ -27,7 +27,7 @@ from hydroviews.files.settings_guard import claim_folder
 from hydroviews.files.temporary import remove_tree
 from hydroviews.formats.colmap import reliable
 from hydroviews.formats.colmap_format import read_points
-from hydroviews.formats.masks.hidden_share import scene_hidden_notes
+from hydroviews.formats.mask_files.hidden_share import scene_hidden_notes
 from hydroviews.formats.photographs import photographs_below, unreadable_photographs
 from hydroviews.formats.read import has_cameras, read_scene
 from hydroviews.formats.writers import write_colmap

@@ -42,7 +42,7 @@ from hydroviews.dataset.statistics import write_statistics
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
 from hydroviews.formats.capture_json import CAPTURED
-from hydroviews.formats.masks.hidden_share import scene_hidden_notes
+from hydroviews.formats.mask_files.hidden_share import scene_hidden_notes
 from hydroviews.rain.patterns import PATTERN_FILE, Pattern
 from hydroviews.rain.registry import parse_pattern
 from hydroviews.rain.scene_statistics import LensRenderer, survey

@@ -13,7 +13,7 @@ from hydroviews.formats.checks.capture import compare
 from hydroviews.formats.checks.hidden import hidden_by_masks
 from hydroviews.formats.colmap import find_models, read_colmap, refuse_mixed
 from hydroviews.formats.llff import read_llff
-from hydroviews.formats.masks.mask_files import with_masks
+from hydroviews.formats.mask_files.matching import with_masks
 from hydroviews.formats.nerfstudio import read_nerfstudio
 from hydroviews.formats.nsvf import is_nsvf, read_nsvf
 from hydroviews.formats.paired.pictures import find_pictures

@@ -10,7 +10,7 @@ from pathlib import Path, PurePosixPath
 
 import PIL.Image
 
-from hydroviews.formats.masks.mask_names import FOLDERS, FOR_ALL, is_called_mask, mask_key
+from hydroviews.formats.mask_files.names import FOLDERS, FOR_ALL, is_called_mask, mask_key
 from hydroviews.formats.photographs import below_first, pictures_below, some
 from hydroviews.scene.images import image_size
 from hydroviews.scene.masks import MASKS, mask_name, read_transparent

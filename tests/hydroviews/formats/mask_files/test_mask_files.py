@@ -6,7 +6,7 @@ import pytest
 from painted_room import picture, scene_in_room, write_room
 
 from hydroviews.__main__ import poses_command
-from hydroviews.formats.masks.mask_names import mask_key
+from hydroviews.formats.mask_files.names import mask_key
 from hydroviews.formats.photographs import photographs_below
 from hydroviews.formats.read import read_scene
 from hydroviews.scene.images import write_png
