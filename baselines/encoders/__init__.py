@@ -7,6 +7,7 @@
     config.py            settings of encoders that learn with the scene
     appearance.py        colours by view from the view's own photograph, encoded anew in every step
     objective.py         the loss of methods with such colours
+    sampling.py          reads of feature maps at points
 
 Frozen features never change; U-Nets learn with the scene.
 """

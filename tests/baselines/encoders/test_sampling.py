@@ -6,7 +6,7 @@ import torch
 from splats import camera
 from torch.nn import functional
 
-from baselines.gs_w.sampling import boxed, projected, sample
+from baselines.encoders.sampling import boxed, projected, sample
 
 
 def points(n, maps, reach=1.3, dtype=torch.float64):
