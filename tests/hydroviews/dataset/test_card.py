@@ -47,12 +47,6 @@ def test_a_licence_that_is_stated_after_the_build_is_kept(built, tmp_path):
     assert verify(built.parent) == []
 
 
-def test_the_command_of_a_capture_with_an_odd_name_can_be_pasted(tmp_path):
-    source = tmp_path / "a yard; ls"
-    built = build(capture_in(tmp_path / "yard"), tmp_path / "data", patterns=STREAKS[:1], source=str(source))
-    assert "build --scene 'path/to/a yard; ls' --seed 0 --patterns streak-0\n" in (built / "README.md").read_text()
-
-
 def test_the_card_says_what_the_files_say(built):
     card = (built / "README.md").read_text()
     assert card.startswith("# yard\n")

