@@ -30,7 +30,7 @@ BOARD_PAGES := README.md docs/leaderboard/results.md
 METHODS  ?= 3dgs nerf-w derain-nerf wild-gaussians gs-w deraings deraings-plus
 SCENES   ?=
 BIN      := $(VENV)/bin
-KERNEL_TESTS := $(addprefix tests/baselines/splatting/test_,rasterizer.py hard_cases.py photometric.py)
+KERNEL_TESTS := $(addprefix tests/baselines/splatting/,test_rasterizer.py test_hard_cases.py kernels/test_photometric.py)
 READY    := $(VENV)/.ready
 DOCS     := $(VENV)/.ready-docs
 

@@ -19,11 +19,11 @@ from baselines.splatting.files.unfiltered import without_filter
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import Plane
-from baselines.splatting.kernels.rasterizer import render
 from baselines.splatting.objective import Objective
+from baselines.splatting.rasterizer import render
 from baselines.splatting.trainer import TrainedScene, train
 from baselines.splatting_profiles import BUDGETED, PROFILES
-from baselines.training.checkpoints import MODEL, megabytes
+from baselines.training.checkpoints import MODEL, megabytes, settings_of
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, write_json
 from hydroviews.scene.cameras import Camera
@@ -59,6 +59,7 @@ class GaussianSplatting(Method):
         self._objective: Objective | None = None  # after `fit`
         self._trained: TrainedScene | None = None
         self._model_mb: float | None = None
+        self._cameras: tuple[Camera, ...] = ()  # of the training views, after `fit`
         self._buffers = BufferPool()
 
     @classmethod
@@ -73,7 +74,9 @@ class GaussianSplatting(Method):
     def fit(self, scene: Scene, folder: Path) -> None:
         """See Method."""
         self._objective = self.objective(scene, folder)
-        self._trained = train(scene, self.splatting, self.seed, folder, self._objective)
+        settings = settings_of(self.config, method=type(self).__name__)
+        self._trained = train(scene, self.splatting, self.seed, folder, self._objective, settings)
+        self._cameras = tuple(view.camera for view in scene.train_views)
         if self._objective is not None:
             self.found |= self._objective.report()
 
@@ -84,7 +87,12 @@ class GaussianSplatting(Method):
 
     def hidden(self, view: int, size: tuple[int, int]) -> Plane | None:
         """See Method."""
-        return None if self._objective is None else self._objective.hidden(view, size)
+        if self._objective is None:
+            return None
+        weights = self._objective.pixel_weights
+        if weights is None:
+            return self._objective.hidden(view, size)
+        return weights.hidden(view, size, lambda: self.render(self._cameras[view].resized(size[1], size[0])))
 
     @property
     def splatting(self) -> TrainerConfig:

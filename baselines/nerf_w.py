@@ -29,14 +29,14 @@ import torch
 from torch import Tensor, nn
 
 from baselines.method import Citation
-from baselines.volumetric.batches import Batch
 from baselines.volumetric.compositing import along_ray, compositing_weights
 from baselines.volumetric.config import DETAILED_FIELD, NERF, SHORT_FIELD, VolumetricConfig
-from baselines.volumetric.encodings import linear
+from baselines.volumetric.fields.encodings import linear
 from baselines.volumetric.losses import Loss, Losses, proposal_losses
 from baselines.volumetric.method import RadianceMethod
 from baselines.volumetric.model import RadianceModel, Rendering, Samples, TrainingContext
-from baselines.volumetric.spaces import Rays, Space
+from baselines.volumetric.rays.batches import Batch
+from baselines.volumetric.rays.spaces import Rays, Space
 
 START = 0.01  # standard deviation of embeddings before training
 

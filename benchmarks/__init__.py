@@ -1,5 +1,5 @@
 """Speed against error: `python -m benchmarks NAME`. Benchmarks keep freed memory as the commands do."""
 
-from hydroviews.files.malloc import keep_freed_memory
+from hydroviews.cli.malloc import keep_freed_memory
 
 keep_freed_memory()

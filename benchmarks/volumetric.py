@@ -20,7 +20,7 @@ import torch
 from torch import Tensor
 
 from baselines.volumetric.config import HashFieldConfig, VolumetricConfig
-from baselines.volumetric.hash_grid import GridConfig, HashGrid, interpolate, warm_up
+from baselines.volumetric.fields.hash_grid import GridConfig, HashGrid, interpolate, warm_up
 from baselines.volumetric.model import RadianceModel
 from baselines.volumetric.trainer import train
 from benchmarks.tables import report, rows_of

@@ -17,8 +17,8 @@ from hydroviews.captures.sfm.poses import estimate_poses, triangulate
 from hydroviews.captures.video.capture import capture_video
 from hydroviews.captures.video.decoding import open_video
 from hydroviews.captures.video.frames import FrameChoice
+from hydroviews.dataset.card.contact_sheet import spread
 from hydroviews.dataset.clean_views import TOO_FEW, triangulated
-from hydroviews.dataset.contact_sheet import spread
 from hydroviews.errors import InputError
 from hydroviews.files import ownership
 from hydroviews.files.atomic import read_json
@@ -27,7 +27,7 @@ from hydroviews.files.settings_guard import claim_folder
 from hydroviews.files.temporary import remove_tree
 from hydroviews.formats.colmap import reliable
 from hydroviews.formats.colmap_format import read_points
-from hydroviews.formats.hidden_share import scene_hidden_notes
+from hydroviews.formats.mask_files.hidden_share import scene_hidden_notes
 from hydroviews.formats.photographs import photographs_below, unreadable_photographs
 from hydroviews.formats.read import has_cameras, read_scene
 from hydroviews.formats.writers import write_colmap

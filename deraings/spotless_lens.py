@@ -10,10 +10,12 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.distractors.mask_network import MaskNetwork
-from baselines.distractors.residuals import BINS
-from baselines.distractors.spotless import Spotless, SpotlessConfig, SpotlessObjective
+from baselines.distractors.spotless import Spotless
+from baselines.masking.feature_network import FeatureMask, MaskNetwork
+from baselines.masking.residuals import BINS
+from baselines.masking.trimmed import TrimConfig
 from baselines.method import Citation
+from baselines.splatting.config import TrainerConfig
 from baselines.training.checkpoints import below, prefixed
 from baselines.training.images import TrainingImages
 from deraings.image_planes import Plane, resized
@@ -23,15 +25,19 @@ from hydroviews.scene.masks import Ignored
 LENS = "lens"  # of names in a checkpoint
 
 
-class LensObjective(SpotlessObjective):
-    """SpotLessSplats' objective; remembers the last residuals of all views."""
+class LensMask(FeatureMask):
+    """SpotLessSplats' mask; remembers the last residuals of all views."""
 
-    def __init__(self, images: TrainingImages, config: SpotlessConfig, network: MaskNetwork, seed: int) -> None:
-        super().__init__(images, config, network, seed)
+    extra: ClassVar[int] = 1
+
+    def __init__(
+        self, images: TrainingImages, trim: TrimConfig, splatting: TrainerConfig, network: MaskNetwork, seed: int
+    ) -> None:
+        super().__init__(images, trim, splatting, network, seed)
         self._residuals: dict[int, Plane] = {}  # last ones of views, at the size of their features
 
     def probability(self, residuals: Plane, view: int, ignored: Ignored | None) -> Plane:
-        """See TrimmedObjective; the residuals are remembered for the other views."""
+        """See TrimmedPixels; the residuals are remembered for the other views."""
         p = super().probability(residuals, view, ignored)
         shown = residuals if ignored is None else np.where(ignored, np.float32(self._limit), residuals)  # says nothing
         self._residuals[view] = resized(shown, self.network.size(view))
@@ -50,11 +56,11 @@ class LensObjective(SpotlessObjective):
         return (self.histogram.percentile(self.trim.inlier_share) + 1) / BINS
 
     def state_dict(self) -> dict[str, NDArray]:
-        """See Objective."""
+        """See PixelWeights."""
         return super().state_dict() | prefixed(LENS, {str(view): plane for view, plane in self._residuals.items()})
 
     def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
-        """See Objective."""
+        """See PixelWeights."""
         super().load_state_dict(arrays)
         self._residuals = {int(view): plane for view, plane in below(LENS, arrays).items()}
 
@@ -69,8 +75,4 @@ class SpotlessLens(Spotless):
         link="https://arxiv.org/abs/2406.20055",
     )
 
-    extra: ClassVar[int] = 1
-
-    def compared_by(self, images: TrainingImages, network: MaskNetwork) -> LensObjective:
-        """See Spotless."""
-        return LensObjective(images, self.config, network, self.seed)
+    mask: ClassVar[type[FeatureMask]] = LensMask

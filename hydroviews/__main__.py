@@ -32,13 +32,13 @@ from hydroviews.captures.video.capture import capture_video
 from hydroviews.captures.video.frames import FrameChoice
 from hydroviews.cli.commands import choices, run_command
 from hydroviews.cli.plugins import registered
-from hydroviews.dataset.contact_sheet import COLUMNS, write_sheets
+from hydroviews.dataset.card.contact_sheet import COLUMNS, write_sheets
+from hydroviews.dataset.checks.verify import verify
 from hydroviews.dataset.manifest import built_scenes
 from hydroviews.dataset.sharing.fetch import fetch
 from hydroviews.dataset.sharing.pack import pack
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.suites import build_suite, known_suites, read_suite
-from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.files.locks import BUSY, locked

@@ -15,7 +15,7 @@ from hydroviews.files.atomic import as_file
 from hydroviews.files.full_disk import ReadOnly
 from hydroviews.files.locks import BUSY, locked
 from hydroviews.files.temporary import remove_leftovers_in
-from hydroviews.formats.csv_tables import read_csv, write_csv
+from hydroviews.formats.tables.csv_tables import read_csv, write_csv
 from hydroviews.metrics import find_metrics
 from leaderboard.records import (
     GIVEN_POSES,

@@ -8,14 +8,14 @@ import pytest
 
 # Files and folders in the order they begin in: what takes long first, so that no process waits for the last of it.
 ORDER = (
-    "baselines/splatting/test_kernel_cache.py",  # first compiles the kernels, which methods' tests wait for
+    "baselines/splatting/kernels/test_kernel_cache.py",  # first compiles the kernels, which methods' tests wait for
     "hydroviews/blender",  # needs none
-    "hydroviews/captures/test_poses.py",
+    "hydroviews/captures/sfm/test_poses.py",
     "hydroviews/rain/lens/test_renewed_build.py",
     "test_interruptions.py",
     "baselines/training/test_kills.py",
-    "baselines/splatting/test_projection.py",
-    "baselines/splatting/test_triton_ops.py",
+    "baselines/splatting/kernels/test_projection.py",
+    "baselines/splatting/backends/test_triton_ops.py",
     "leaderboard/contract/test_every_method.py",  # trains every method a dozen times
     "leaderboard",
     "deraings",
@@ -31,7 +31,7 @@ os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # Not tests/ itself: it has folders named like the packages.
-sys.path.insert(0, str(Path(__file__).parent / "helpers"))
+sys.path[:0] = sorted(str(folder) for folder in (Path(__file__).parent / "helpers").iterdir() if folder.is_dir())
 
 # Background jobs of a shell start with Ctrl-C ignored, and so would every process that a test starts and interrupts.
 signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -1,10 +1,10 @@
 """CR-NeRF's loss: that of masked pixels, and what styles cost."""
 
 from baselines.cr_nerf.config import CrNerfConfig
-from baselines.volumetric.batches import Batch
+from baselines.masking.rays import masked_losses
 from baselines.volumetric.losses import Loss, Losses
-from baselines.volumetric.masking import masked_losses
 from baselines.volumetric.model import Rendering
+from baselines.volumetric.rays.batches import Batch
 
 
 def cr_nerf_losses(config: CrNerfConfig) -> Loss:

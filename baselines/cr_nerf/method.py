@@ -23,25 +23,20 @@ Where this deviates, beside what all radiance fields here share (docs/methods/ra
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any, ClassVar
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from baselines.cr_nerf.config import PROFILES
 from baselines.cr_nerf.losses import cr_nerf_losses
 from baselines.cr_nerf.model import CrNerfModel
-from baselines.method import Citation, TrainingSummary
-from baselines.volumetric.batches import Draw
-from baselines.volumetric.grids import grids
+from baselines.masking.rays import MaskedFieldMethod
+from baselines.method import Citation
 from baselines.volumetric.losses import Loss
-from baselines.volumetric.method import RadianceMethod
-from baselines.volumetric.spaces import Space
+from baselines.volumetric.rays.spaces import Space
 
 
-class CrNerf(RadianceMethod):
+class CrNerf(MaskedFieldMethod):
     """CR-NeRF (Yang et al. 2023): a field of features; colours depend on all rays and the style of a photograph."""
 
     citation = Citation(
@@ -62,19 +57,3 @@ class CrNerf(RadianceMethod):
     def loss(self) -> Loss:
         """See RadianceMethod."""
         return cr_nerf_losses(self.config)
-
-    def draw(self) -> Draw:
-        """See RadianceMethod."""
-        return grids(self.config.photographs, self.config.side, self.config.min_scale)
-
-    def hidden(self, view: int, size: tuple[int, int]) -> NDArray[np.float32] | None:
-        """See Method: m."""
-        model = self._require().trained.model
-        assert isinstance(model, CrNerfModel)
-        return model.mask(view, size)
-
-    def summary(self) -> TrainingSummary:
-        """See Method; also how much of the photographs was masked at the end."""
-        model = self._require().trained.model
-        assert isinstance(model, CrNerfModel)
-        return replace(super().summary(), used=f"{float(model.running.masked):.1%} of the pixels masked")

@@ -2,27 +2,26 @@
 
 from typing import Any
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from baselines.cr_nerf.config import CrNerfConfig
 from baselines.cr_nerf.style import StyleEncoder
 from baselines.cr_nerf.transform import CrossRayTransform, Mixing
 from baselines.cr_nerf.transients import TransientNetwork, read
-from baselines.training.images import TrainingImages
-from baselines.volumetric.batches import Batch
+from baselines.masking.rays import MaskedField, Running, pixel_places, price_of_masking
+from baselines.splatting.kernels.photometric import Plane
+from baselines.training.images import Size, TrainingImages
 from baselines.volumetric.compositing import along_ray, compositing_weights
-from baselines.volumetric.masking import Running, pixel_places, price_of_masking
-from baselines.volumetric.model import RadianceModel, Rendering, Samples, TrainingContext
-from baselines.volumetric.photographs import AT_ONCE, as_seen, rays_of_the_mean, small_pictures
-from baselines.volumetric.spaces import Rays, Space
+from baselines.volumetric.model import Rendering, Samples, TrainingContext
+from baselines.volumetric.rays.batches import Batch
+from baselines.volumetric.rays.photographs import AT_ONCE, as_seen, rays_of_the_mean, small_pictures
+from baselines.volumetric.rays.spaces import Rays, Space
 
 KEPT = 0.99  # of the statistics of the rays, a step
 
 
-class CrNerfModel(RadianceModel):
+class CrNerfModel(MaskedField):
     """A field of features whose colours depend on all rays of a step and on the photograph, and masks.
 
     Of the rays it keeps running averages, `content_mean` and `content_matrix`, with which it renders: so what a ray
@@ -89,8 +88,8 @@ class CrNerfModel(RadianceModel):
         return masks
 
     @torch.no_grad()
-    def mask(self, view: int, size: tuple[int, int]) -> NDArray[np.float32] | None:
-        """m [H, W] of a training view at (height, width); None where the photographs are not at hand."""
+    def mask(self, view: int, size: Size) -> Plane | None:
+        """See MaskedField."""
         if not len(self._larger):
             return None
         mask = self._masks(torch.tensor([view]))

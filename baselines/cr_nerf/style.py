@@ -4,7 +4,7 @@ import torch
 from torch import Tensor, nn
 
 from baselines.cr_nerf.config import StyleConfig
-from baselines.volumetric.photographs import convolution
+from baselines.volumetric.rays.photographs import convolution
 
 SLOPE = 0.2  # of LeakyReLU where its input is negative
 START = 0.1  # of the usual start of the last layer: at first photographs hardly differ in style

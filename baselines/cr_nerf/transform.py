@@ -17,7 +17,7 @@ from torch import Tensor, nn
 
 from baselines.cr_nerf.config import TransformConfig
 from baselines.cr_nerf.style import SLOPE
-from baselines.volumetric.encodings import linear
+from baselines.volumetric.fields.encodings import linear
 
 
 class Mixing(nn.Module):

@@ -11,7 +11,7 @@ from torch import Tensor, nn
 
 from baselines.cr_nerf.config import TransientConfig
 from baselines.cr_nerf.style import SLOPE
-from baselines.volumetric.photographs import convolution
+from baselines.volumetric.rays.photographs import convolution
 
 
 class TransientNetwork(nn.Module):

@@ -16,7 +16,7 @@ contracted and not in normalised device coordinates, which have no room for them
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -93,10 +93,6 @@ class DerainNeRF(RadianceMethod):
         config: DerainNeRFConfig = super().configuration(profile)
         drops = replace(config.drops, weights_sha256=sha256(find_weights(config.drops.weights)))
         return replace(config, drops=drops)
-
-    def settings(self) -> dict[str, Any]:
-        """See RadianceMethod."""
-        return asdict(self.config.drops)
 
     def weights(self, images: TrainingImages, names: Sequence[str], folder: Path) -> Sequence[NDArray[np.float32]]:
         """See RadianceMethod; 1 - M, and M is kept in `folder` as pictures."""

@@ -13,7 +13,7 @@ scene and of layers is ours, a layer may double. Opacities are not reset, as wit
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -37,7 +37,7 @@ from baselines.method import Citation
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import Plane, photometric_loss
-from baselines.splatting.kernels.sh_coefficients import C0
+from baselines.splatting.kernels.splats.sh_coefficients import C0
 from baselines.splatting.objective import Objective
 from baselines.splatting.schedule import LearningRates
 from baselines.splatting_profiles import PROFILES_WITHOUT_RESETS
@@ -100,10 +100,6 @@ class DeSplatObjective(Objective):
         """See Objective: the mean cover of the layers, and how many Gaussians they have."""
         number = np.mean([len(state.gaussians) for state in self.layers.values()])
         return {"layers": f"cover {self.covered:.1%} with {number:.0f} Gaussians each"}
-
-    def settings(self) -> dict[str, Any]:
-        """See Objective."""
-        return {**super().settings(), **asdict(self.config), "iterations": self._iterations, "seed": self.seed}
 
     def state_dict(self) -> dict[str, NDArray]:
         """See Objective: every layer's training state."""

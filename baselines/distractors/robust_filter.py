@@ -12,9 +12,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
-from baselines.distractors.trimming import TrimConfig, TrimmedMethod, TrimmedObjective
+from baselines.gaussian_splatting import GaussianSplatting
+from baselines.masking.trimmed import TrimConfig, TrimmedPixels
 from baselines.method import Citation
 from baselines.splatting.config import TrainerConfig
+from baselines.splatting.objective import Objective
 from baselines.splatting_profiles import PROFILES_WITHOUT_RESETS
 from baselines.training.images import read_images
 from hydroviews.scene.scenes import Scene
@@ -32,7 +34,7 @@ class RobustFilterConfig:
 SHORT_TRIM = TrimConfig(inlier_share=0.9)
 
 
-class RobustFilter(TrimmedMethod):
+class RobustFilter(GaussianSplatting):
     """Splatting that ignores pixels with large residuals (RobustNeRF's filter)."""
 
     citation = Citation(
@@ -48,6 +50,8 @@ class RobustFilter(TrimmedMethod):
         "paper": RobustFilterConfig(PROFILES_WITHOUT_RESETS["paper"]),
     }
 
-    def objective(self, scene: Scene, folder: Path) -> TrimmedObjective:
+    def objective(self, scene: Scene, folder: Path) -> Objective:
         """See GaussianSplatting."""
-        return TrimmedObjective(read_images(scene.train_views), self.config, self.seed)
+        images, splatting = read_images(scene.train_views), self.splatting
+        weights = TrimmedPixels(images, self.config.trim, splatting, self.seed)
+        return Objective(images, splatting.lambda_dssim, pixel_weights=weights)

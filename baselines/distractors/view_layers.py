@@ -17,8 +17,8 @@ from baselines.splatting.gaussians import FIELDS, Gaussians
 from baselines.splatting.kernels.adam import adam_step
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import Plane
-from baselines.splatting.kernels.rasterizer import BLACK, RenderState, backward_sh_sets, render_sh_sets
-from baselines.splatting.kernels.sh_coefficients import C0, from_colour
+from baselines.splatting.kernels.splats.sh_coefficients import C0, from_colour
+from baselines.splatting.rasterizer import BLACK, RenderState, backward_sh_sets, render_sh_sets
 from baselines.splatting.schedule import LearningRates, Stream, random_stream, rates_at
 from baselines.splatting.state import TrainingState, fresh_state
 from baselines.splatting.strategies.densification import DefaultStrategy, grow, grow_due, observe

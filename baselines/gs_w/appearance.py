@@ -10,11 +10,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from baselines.encoders.appearance import EncodedAppearance
+from baselines.encoders.sampling import boxed, projected, sample
 from baselines.gs_w.config import ReferenceConfig
-from baselines.gs_w.encoded import EncodedAppearance
 from baselines.gs_w.encoder import ReferenceEncoder
 from baselines.gs_w.fusion import Fusion
-from baselines.gs_w.sampling import boxed, projected, sample
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.schedule import Stream, random_stream
 from baselines.training.images import TrainingImages

@@ -18,8 +18,8 @@ from torch.nn import functional
 
 from baselines.gs_w.config import ReferenceConfig
 from baselines.splatting.appearance.networks import layers, linear_of_parts
-from baselines.splatting.kernels.sh_coefficients import C0, coefficients
-from baselines.volumetric.encodings import positional
+from baselines.splatting.kernels.splats.sh_coefficients import C0, coefficients
+from baselines.volumetric.fields.encodings import positional
 from hydroviews.scene.cameras import Camera
 
 

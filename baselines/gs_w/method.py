@@ -24,13 +24,13 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from baselines.encoders.objective import PerceptualObjective
+from baselines.encoders.resnet_weights import encoder_used, load_resnet, with_named_weights
 from baselines.gaussian_splatting import MASKED, GaussianSplatting
 from baselines.gs_w.appearance import ReferenceAppearance
 from baselines.gs_w.config import SHORT, ReferenceConfig
 from baselines.gs_w.fusion import Fusion
 from baselines.gs_w.mean_appearance import average_features, coloured_for, mean_colours
-from baselines.gs_w.objective import VisibleObjective
-from baselines.gs_w.weights import encoder_used, load_resnet, with_named_weights
 from baselines.method import Citation, TrainingSummary
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.gaussians import Gaussians
@@ -94,7 +94,7 @@ class GaussianInTheWild(GaussianSplatting):
         config: GSWConfig = super().configuration(profile)
         return replace(config, appearance=with_named_weights(config.appearance))
 
-    def objective(self, scene: Scene, folder: Path) -> VisibleObjective:
+    def objective(self, scene: Scene, folder: Path) -> PerceptualObjective:
         """See GaussianSplatting.
 
         Raises:
@@ -107,7 +107,7 @@ class GaussianInTheWild(GaussianSplatting):
         )
         if config.appearance.weights:
             load_resnet(appearance.encoder.backbone, Path(config.appearance.weights))
-        return VisibleObjective(images, splatting.lambda_dssim, appearance)
+        return PerceptualObjective(images, splatting.lambda_dssim, appearance)
 
     @one_thread()
     def fit(self, scene: Scene, folder: Path) -> None:

@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass, field, replace
 
+from baselines.masking.rays import PriceConfig
 from baselines.volumetric.config import DETAILED_FIELD, NERF, SHORT_FIELD, MlpFieldConfig, VolumetricConfig
-from baselines.volumetric.grids import side_of_grids
-from baselines.volumetric.masking import PriceConfig
+from baselines.volumetric.rays.grids import side_of_grids
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ import torch
 from torch import Tensor, nn
 
 from baselines.ha_nerf.config import LookConfig
-from baselines.volumetric.encodings import linear
-from baselines.volumetric.photographs import convolution
+from baselines.volumetric.fields.encodings import linear
+from baselines.volumetric.rays.photographs import convolution
 
 
 class LookEncoder(nn.Module):

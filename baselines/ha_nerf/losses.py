@@ -1,10 +1,10 @@
 """Ha-NeRF's loss: what is masked counts less, and masking costs."""
 
 from baselines.ha_nerf.config import HaNerfConfig
-from baselines.volumetric.batches import Batch
+from baselines.masking.rays import masked_losses
 from baselines.volumetric.losses import Loss, Losses
-from baselines.volumetric.masking import masked_losses
 from baselines.volumetric.model import Rendering
+from baselines.volumetric.rays.batches import Batch
 
 
 def ha_nerf_losses(config: HaNerfConfig) -> Loss:

@@ -22,25 +22,20 @@ Where this deviates, beside what all radiance fields here share (docs/methods/ra
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any, ClassVar
 
-import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from baselines.ha_nerf.config import PROFILES
 from baselines.ha_nerf.losses import ha_nerf_losses
 from baselines.ha_nerf.model import HaNerfModel
-from baselines.method import Citation, TrainingSummary
-from baselines.volumetric.batches import Draw
-from baselines.volumetric.grids import grids
+from baselines.masking.rays import MaskedFieldMethod
+from baselines.method import Citation
 from baselines.volumetric.losses import Loss
-from baselines.volumetric.method import RadianceMethod
-from baselines.volumetric.spaces import Space
+from baselines.volumetric.rays.spaces import Space
 
 
-class HaNerf(RadianceMethod):
+class HaNerf(MaskedFieldMethod):
     """Ha-NeRF (Chen et al. 2022): a radiance field with appearance from photographs and masks of transient pixels."""
 
     citation = Citation(
@@ -60,20 +55,3 @@ class HaNerf(RadianceMethod):
     def loss(self) -> Loss:
         """See RadianceMethod."""
         return ha_nerf_losses(self.config)
-
-    def draw(self) -> Draw:
-        """See RadianceMethod."""
-        return grids(self.config.photographs, self.config.side, self.config.min_scale)
-
-    @torch.no_grad()
-    def hidden(self, view: int, size: tuple[int, int]) -> NDArray[np.float32]:
-        """See Method: m."""
-        model = self._require().trained.model
-        assert isinstance(model, HaNerfModel)
-        return model.visibility.plane(view, size)
-
-    def summary(self) -> TrainingSummary:
-        """See Method; also how much of the photographs was masked at the end."""
-        model = self._require().trained.model
-        assert isinstance(model, HaNerfModel)
-        return replace(super().summary(), used=f"{float(model.running.masked):.1%} of the pixels masked")

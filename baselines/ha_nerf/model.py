@@ -9,15 +9,16 @@ from torch import Tensor
 from baselines.ha_nerf.config import HaNerfConfig
 from baselines.ha_nerf.look import LookEncoder
 from baselines.ha_nerf.visibility import Visibility
-from baselines.training.images import TrainingImages
-from baselines.volumetric.batches import Batch
-from baselines.volumetric.masking import Running, price_of_masking
-from baselines.volumetric.model import RadianceModel, Rendering, Samples, TrainingContext
-from baselines.volumetric.photographs import AT_ONCE, as_seen, rays_of_the_mean, small_pictures
-from baselines.volumetric.spaces import Rays, Space
+from baselines.masking.rays import MaskedField, Running, price_of_masking
+from baselines.splatting.kernels.photometric import Plane
+from baselines.training.images import Size, TrainingImages
+from baselines.volumetric.model import Rendering, Samples, TrainingContext
+from baselines.volumetric.rays.batches import Batch
+from baselines.volumetric.rays.photographs import AT_ONCE, as_seen, rays_of_the_mean, small_pictures
+from baselines.volumetric.rays.spaces import Rays, Space
 
 
-class HaNerfModel(RadianceModel):
+class HaNerfModel(MaskedField):
     """A field whose colours depend on the photograph's look, and masks for what only one photograph shows."""
 
     def __init__(self, config: HaNerfConfig, space: Space, generator: torch.Generator, views: int):
@@ -71,6 +72,11 @@ class HaNerfModel(RadianceModel):
                 "looks": visited_looks,
             }
         return replace(self.composited(self.field, rays, samples, looks)[0], extras=extras)
+
+    @torch.no_grad()
+    def mask(self, view: int, size: Size) -> Plane:
+        """See MaskedField."""
+        return self.visibility.plane(view, size)
 
     @torch.no_grad()
     def after_step(self, rendering: Rendering, batch: Batch) -> None:

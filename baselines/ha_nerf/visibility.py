@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from baselines.ha_nerf.config import VisibilityConfig
-from baselines.volumetric.encodings import linear, positional
-from baselines.volumetric.masking import pixel_places
+from baselines.masking.rays import pixel_places
+from baselines.volumetric.fields.encodings import linear, positional
 
 
 class Visibility(nn.Module):

@@ -14,7 +14,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from baselines.gs_w.encoder import at_size
+from baselines.encoders.unet import at_size
 from baselines.nimbus.config import MediumConfig
 from baselines.nimbus.view_rays import Box, Rays
 

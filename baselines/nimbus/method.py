@@ -22,7 +22,7 @@ from baselines.nimbus.medium import Medium
 from baselines.nimbus.objective import NimbusObjective
 from baselines.nimbus.view_rays import box_around
 from baselines.splatting.backends.base import GSPLAT
-from baselines.splatting.initialisation import scene_extent
+from baselines.splatting.strategies.initialisation import scene_extent
 from baselines.splatting_profiles import PROFILES_WITHOUT_RESETS
 from baselines.training.devices import chosen_device
 from baselines.training.images import read_images

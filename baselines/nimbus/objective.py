@@ -8,8 +8,6 @@ Depths, to which rays go, are constants: they are rendered anew now and then, an
 
 import logging
 from collections.abc import Sequence
-from dataclasses import asdict
-from typing import Any
 
 import numpy as np
 import torch
@@ -24,8 +22,8 @@ from baselines.nimbus.view_rays import rays_of, small_camera
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import Plane, photometric_loss
-from baselines.splatting.kernels.rasterizer import depth, render
 from baselines.splatting.objective import Objective
+from baselines.splatting.rasterizer import depth, render
 from baselines.training.checkpoints import below, prefixed
 from baselines.training.images import TrainingImages
 from baselines.training.torch_state import module_arrays, one_thread, restore_module
@@ -135,11 +133,6 @@ class NimbusObjective(Objective):
     def light_taken(self) -> float:
         """1 - T, mean over the views whose depth is known; 0 where none is."""
         return float(np.mean([1 - self.transmission(view, SMALL).mean() for view in self._depths] or [0.0]))
-
-    def settings(self) -> dict[str, Any]:
-        """See Objective."""
-        parts = {"medium": asdict(self.config.medium), "residual": asdict(self.config.residual)}
-        return {**super().settings(), **parts, "used": self.medium is not None}
 
     def state_dict(self) -> dict[str, NDArray]:
         """See Objective: the medium, residuals, and depths."""

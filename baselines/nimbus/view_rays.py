@@ -8,7 +8,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from baselines.splatting.initialisation import scene_extent
+from baselines.splatting.strategies.initialisation import scene_extent
 from hydroviews.scene.cameras import Camera
 
 TAIL = 0.01  # of the points, at each end of an axis, that their extent leaves out

@@ -9,7 +9,7 @@ surface the two agree.
 import torch
 from torch import Tensor
 
-from baselines.volumetric.spaces import Contracted, Space
+from baselines.volumetric.rays.spaces import Contracted, Space
 
 
 def middles(edges: Tensor, space: Space, open_end: bool) -> Tensor:

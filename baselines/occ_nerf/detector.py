@@ -5,7 +5,7 @@ from itertools import pairwise
 import torch
 from torch import Tensor, nn
 
-from baselines.volumetric.encodings import linear
+from baselines.volumetric.fields.encodings import linear
 
 SIZES = 64, 32  # units of the hidden layers
 SLOPE = 0.1  # of the rectifiers where they are not one

@@ -15,9 +15,9 @@ from torch import Tensor
 
 from baselines.occ_nerf.config import OccNerfConfig
 from baselines.occ_nerf.detector import correlation_loss
-from baselines.volumetric.batches import Batch
 from baselines.volumetric.losses import Loss, Losses, proposal_losses, squared_error
 from baselines.volumetric.model import Rendering
+from baselines.volumetric.rays.batches import Batch
 
 logger = logging.getLogger(__name__)
 

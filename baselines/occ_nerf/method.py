@@ -28,8 +28,8 @@ from baselines.training.images import Size
 from baselines.volumetric.config import DETAILED_FIELD, NERF, SHORT_FIELD, MlpFieldConfig, VolumetricConfig
 from baselines.volumetric.losses import Loss
 from baselines.volumetric.method import RadianceMethod
-from baselines.volumetric.rays import WorldRays, camera_rays
-from baselines.volumetric.spaces import Space
+from baselines.volumetric.rays.rays import WorldRays, camera_rays
+from baselines.volumetric.rays.spaces import Space
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.scenes import Scene
 

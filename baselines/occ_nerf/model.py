@@ -9,9 +9,9 @@ from baselines.occ_nerf.config import OccNerfConfig
 from baselines.occ_nerf.depths import depth, depth_from_behind, middles
 from baselines.occ_nerf.detector import Detector
 from baselines.volumetric.config import HashFieldConfig, MlpFieldConfig
-from baselines.volumetric.fields import HashField, MlpField
+from baselines.volumetric.fields.fields import HashField, MlpField
 from baselines.volumetric.model import RadianceModel, Rendering, Samples, TrainingContext
-from baselines.volumetric.spaces import Rays, Space
+from baselines.volumetric.rays.spaces import Rays, Space
 
 
 class OccNerfModel(RadianceModel):

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.splatting.kernels.sh_coefficients import degree_of, from_colour
+from baselines.splatting.kernels.splats.sh_coefficients import degree_of, from_colour
 
 FIELDS = ("means", "quaternions", "log_scales", "opacity_logits", "sh")
 SHAPE = FIELDS[:4]  # all but the colours

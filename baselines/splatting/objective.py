@@ -1,13 +1,15 @@
 """The objective of a training: the part of a splatting method that models rain."""
 
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from baselines.masking.pixel_weights import Comparison, PixelWeights
 from baselines.splatting.kernels.buffer_pool import BufferPool
+from baselines.splatting.kernels.loss_map import loss_map
 from baselines.splatting.kernels.photometric import Plane, Target, photometric_loss, prepare_target
 from baselines.training.checkpoints import below, prefixed
 from baselines.training.images import Size, TrainingImages
@@ -38,10 +40,23 @@ class Objective:
     checkpoints hold them.
     """
 
-    def __init__(self, images: TrainingImages, lambda_dssim: float = 0.2, appearance: "Appearance | None" = None):
-        self.images = images
-        self.lambda_dssim = lambda_dssim
-        self.appearance = appearance  # what gives Gaussians their colours, where it is not spherical harmonics alone
+    def __init__(
+        self,
+        images: TrainingImages,
+        lambda_dssim: float = 0.2,
+        appearance: "Appearance | None" = None,
+        pixel_weights: PixelWeights | None = None,
+    ):
+        """Compare with the photographs.
+
+        Args:
+            images: the photographs.
+            lambda_dssim: share of SSIM in the loss.
+            appearance: what gives Gaussians their colours, where it is not spherical harmonics alone.
+            pixel_weights: what weighs the pixels; None where all count alike.
+        """
+        self.images, self.lambda_dssim = images, lambda_dssim
+        self.appearance, self.pixel_weights = appearance, pixel_weights
 
     @property
     def is_photometric(self) -> bool:
@@ -51,7 +66,7 @@ class Objective:
     @property
     def wants_kernels(self) -> bool:
         """Whether something of it is calculated by the CPU's kernels, wherever Gaussians are rendered."""
-        return not (self.is_photometric and self._is_as_here("weights"))
+        return not (self.is_photometric and self.pixel_weights is None and self._is_as_here("weights"))
 
     def _is_as_here(self, *names: str) -> bool:
         return all(getattr(type(self), name) is getattr(Objective, name) for name in names)
@@ -84,13 +99,17 @@ class Objective:
             iteration: of the training.
             buffers: memory to reuse.
         """
-        return None
+        if self.pixel_weights is None:
+            return None
+        target = self.target(view, size)
+        losses = partial(_losses, render, target, self.lambda_dssim, buffers)
+        return self.pixel_weights.weigh(Comparison(view, iteration, target, render, losses))
 
     def on_gpu(self, render: "Tensor", view: int, iteration: int, buffers: BufferPool) -> OnGPU | None:
         """What a GPU compares of its render [H, W, 3] of a training view; None where that is left to `compare`."""
         if not self.is_photometric:
             return None
-        from baselines.splatting.backends.transfers import fetched, sent
+        from baselines.training.torch_state import fetched, sent
 
         size = render.shape[0], render.shape[1]
         weights = self.weights(cache(lambda: fetched(render)), view, size, iteration, buffers)
@@ -122,23 +141,30 @@ class Objective:
 
     def report(self) -> dict[str, Any]:
         """Findings about the photographs, such as the kinds of rain: words, numbers or lists of words, for JSON."""
-        return {}
+        return {} if self.pixel_weights is None else self.pixel_weights.report()
 
     def hidden(self, view: int, size: Size) -> Plane | None:
-        """See Method; None if the objective ignores no pixels."""
+        """See Method, for objectives without pixel weights; None if no pixels are ignored."""
         return None
 
     def settings(self) -> dict[str, Any]:
-        """The settings; a checkpoint with other settings is refused."""
-        settings = {"name": type(self).__name__, "lambda_dssim": self.lambda_dssim}
-        return settings if self.appearance is None else {**settings, "appearance": self.appearance.settings()}
+        """What a checkpoint must agree with, beside the settings of the method."""
+        return {"name": type(self).__name__, "lambda_dssim": self.lambda_dssim}
 
     def state_dict(self) -> dict[str, NDArray]:
         """Learned parameters other than the Gaussians."""
         learned = {} if self.appearance is None else self.appearance.training_state()
-        return prefixed("appearance", learned)
+        weights = {} if self.pixel_weights is None else self.pixel_weights.state_dict()
+        return prefixed("appearance", learned) | prefixed("weights", weights)
 
     def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
         """Restore what `state_dict` returned."""
         if self.appearance is not None:
             self.appearance.load_training_state(below("appearance", arrays))
+        if self.pixel_weights is not None:
+            self.pixel_weights.load_state_dict(below("weights", arrays))
+
+
+def _losses(render: Callable[[], Image], target: Target, lambda_dssim: float, buffers: BufferPool) -> Plane:
+    """What each pixel of a render adds to the photometric loss [H, W]."""
+    return loss_map(render(), target, lambda_dssim, buffers)

@@ -11,7 +11,7 @@ from enum import IntEnum, unique
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.splatting.kernels.sh_coefficients import coefficients
+from baselines.splatting.kernels.splats.sh_coefficients import coefficients
 from hydroviews.errors import InputError
 from hydroviews.scene.cameras import Camera
 

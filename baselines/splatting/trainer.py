@@ -1,7 +1,9 @@
 """The training of Gaussians: a step, and what changes between two. How a step is calculated is the backend's."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,11 +14,11 @@ from baselines.splatting.backends.warm_up import warm_up
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.files.checkpoints import state_from_tree, state_to_tree
 from baselines.splatting.gaussians import FEATURES, Gaussians
-from baselines.splatting.initialisation import initialise, scene_extent
 from baselines.splatting.objective import Objective
 from baselines.splatting.state import TrainingState, fresh_state, without_non_finite
+from baselines.splatting.strategies.initialisation import initialise, scene_extent
 from baselines.splatting.strategies.pruning import prune
-from baselines.training.checkpoints import CHECKPOINT, Tree, fingerprint_of
+from baselines.training.checkpoints import CHECKPOINT, Tree, fingerprint_of, settings_of
 from baselines.training.images import evenly_spread, read_images
 from baselines.training.loop import Metrics, run
 from hydroviews.scene.cameras import Camera
@@ -43,7 +45,12 @@ class TrainedScene:
 
 
 def train(
-    scene: Scene, config: TrainerConfig, seed: int, folder: Path, objective: Objective | None = None
+    scene: Scene,
+    config: TrainerConfig,
+    seed: int,
+    folder: Path,
+    objective: Objective | None = None,
+    settings: Mapping[str, Any] | None = None,
 ) -> TrainedScene:
     """Learn the scene's training views, or go on from the checkpoint in `folder`.
 
@@ -55,6 +62,7 @@ def train(
         seed: of everything random.
         folder: where the checkpoint is kept.
         objective: what to compare with; the photographs themselves by default.
+        settings: of the whole method, for JSON; those of `config` by default. Checkpoints of others are refused.
 
     Raises:
         InputError: an image that cannot be read; a checkpoint of another configuration, seed or scene; no such device.
@@ -73,7 +81,9 @@ def train(
     compile_seconds = warm_up(config.sh_degree, objective.sh_sets) if kernels else 0.0
 
     place = "cpu" if backend.device == "cpu" else "cuda"  # another card may go on: no two runs on one are equal either
-    fingerprint = fingerprint_of(config, seed, scene, objective.images, objective=objective.settings(), device=place)
+    fingerprint = fingerprint_of(
+        settings or settings_of(config), seed, scene, objective.images, objective=objective.settings(), device=place
+    )
     validation_views = schedule.validation_views(len(cameras), config.early_stop.views) if config.early_stop else ()
     budget = config.strategy.budget
     fewest = round(config.dense_start * budget)

@@ -26,6 +26,7 @@ FORMAT = "hydroviews-splatting-1"
 CHECKPOINT = "checkpoint.safetensors"
 MODEL = "model.safetensors"  # once it is trained
 SEPARATOR = "/"
+UNCOUNTED = ("checkpoint_seconds", "device")  # settings with which the result is the same
 HEADER = 8  # bytes at the beginning of a safetensors file: how long the description is that follows
 
 Tree = dict[str, Any]  # of dictionaries, numpy arrays and JSON values
@@ -130,19 +131,24 @@ def _leaves(tree: Mapping[str, Any], start: str = "") -> Iterator[tuple[str, Any
             yield start + name, value
 
 
-def fingerprint_of(config: Any, seed: int, scene: Scene, images: TrainingImages, **others: Any) -> dict[str, Any]:
+def settings_of(config: Any, **others: Any) -> dict[str, Any]:
+    """All settings of a dataclass, and of those in it, that would lead to another result, and others; for JSON."""
+    counted = asdict(config, dict_factory=lambda items: {name: value for name, value in items if name not in UNCOUNTED})
+    return counted | others
+
+
+def fingerprint_of(
+    settings: Mapping[str, Any], seed: int, scene: Scene, images: TrainingImages, **others: Any
+) -> dict[str, Any]:
     """What a checkpoint must agree with: anything that would lead to another result.
 
     Args:
-        config: dataclass of settings, among them `checkpoint_seconds` and `device`, which are left out.
+        settings: of the whole method; see `settings_of`.
         seed: of everything random.
         scene: its training cameras and points count.
         images: that are learned from.
         others: whatever else counts, for JSON.
     """
-    settings = asdict(config)
-    for name in ("checkpoint_seconds", "device"):
-        del settings[name]
     digest = hashlib.sha256()
     for view in scene.train_views:
         camera = view.camera
@@ -151,7 +157,7 @@ def fingerprint_of(config: Any, seed: int, scene: Scene, images: TrainingImages,
     digest.update(np.ascontiguousarray(scene.points.positions, np.float64).tobytes())
     digest.update(np.ascontiguousarray(scene.points.colours).tobytes())
     return {
-        "configuration": settings,
+        "configuration": dict(settings),
         "seed": seed,
         "cameras or points": digest.hexdigest(),
         "images": images.digest(),

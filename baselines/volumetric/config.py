@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 
-from baselines.volumetric.hash_grid import GridConfig
+from baselines.volumetric.fields.hash_grid import GridConfig
 
 
 @dataclass(frozen=True)

@@ -4,10 +4,10 @@ from collections.abc import Callable
 
 from torch import Tensor
 
-from baselines.volumetric.batches import Batch
 from baselines.volumetric.config import VolumetricConfig
 from baselines.volumetric.model import Rendering
-from baselines.volumetric.sampling import distortion_loss, interlevel_loss
+from baselines.volumetric.rays.batches import Batch
+from baselines.volumetric.rays.sampling import distortion_loss, interlevel_loss
 
 Losses = dict[str, Tensor]
 Loss = Callable[[Rendering, Batch], Losses]  # named losses, which are added up

@@ -1,7 +1,7 @@
 """How a radiance model meets the contract of methods: trained, rendered, saved and loaded. Methods derive from it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -10,15 +10,15 @@ import torch
 from numpy.typing import NDArray
 
 from baselines.method import Method, TrainingSummary, profile_settings
-from baselines.training.checkpoints import MODEL, megabytes, read_arrays, write_arrays
+from baselines.training.checkpoints import MODEL, megabytes, read_arrays, settings_of, write_arrays
 from baselines.training.devices import chosen_device
 from baselines.training.images import TrainingImages, read_images
 from baselines.training.torch_state import module_arrays, restore_module
-from baselines.volumetric.batches import Draw, TrainingPixels
 from baselines.volumetric.config import VolumetricConfig
 from baselines.volumetric.losses import Loss, photometric_losses
 from baselines.volumetric.model import RadianceModel
-from baselines.volumetric.spaces import Space, space_from
+from baselines.volumetric.rays.batches import Draw, TrainingPixels
+from baselines.volumetric.rays.spaces import Space, space_from
 from baselines.volumetric.trainer import TrainedField, train
 from hydroviews.errors import InputError
 from hydroviews.scene.cameras import Camera
@@ -56,13 +56,8 @@ class RadianceMethod(Method):
     @property
     def volumetric(self) -> VolumetricConfig:
         """How the field is rendered and trained: the part of the settings of this name, or all there are."""
-        config: VolumetricConfig = self.config if self._plain else self.config.volumetric
+        config: VolumetricConfig = self.config if isinstance(self.config, VolumetricConfig) else self.config.volumetric
         return config
-
-    @property
-    def _plain(self) -> bool:
-        """Whether there are no settings beside those of the field."""
-        return isinstance(self.config, VolumetricConfig)
 
     def make(self, space: Space, generator: torch.Generator, views: int) -> RadianceModel:
         """The untrained model of a scene with so many training views."""
@@ -75,12 +70,6 @@ class RadianceMethod(Method):
     def draw(self) -> Draw:
         """Where the pixels of a step are; here evenly drawn from all views."""
         return TrainingPixels.draw
-
-    def settings(self) -> dict[str, Any]:
-        """Settings beside those of `volumetric` that lead to another result, for JSON."""
-        if self._plain:
-            return {}
-        return {name: value for name, value in asdict(self.config).items() if name != "volumetric"}
 
     def weights(
         self, images: TrainingImages, names: Sequence[str], folder: Path
@@ -100,7 +89,7 @@ class RadianceMethod(Method):
             folder,
             self.make,
             self.loss(),
-            settings={"method": type(self).__name__, **self.settings()},
+            settings=settings_of(self.config, method=type(self).__name__),
             images=images,
             weights=weights,
             draw=self.draw(),

@@ -9,13 +9,13 @@ import torch
 from torch import Tensor, nn
 
 from baselines.training.images import TrainingImages
-from baselines.volumetric.batches import Batch
 from baselines.volumetric.compositing import along_ray, compositing_weights, interval_lengths
 from baselines.volumetric.config import HashFieldConfig, VolumetricConfig
-from baselines.volumetric.fields import HashField, MlpField, ProposalNetwork
-from baselines.volumetric.rays import camera_rays
-from baselines.volumetric.sampling import even_edges, resample
-from baselines.volumetric.spaces import Rays, Space
+from baselines.volumetric.fields.fields import HashField, MlpField, ProposalNetwork
+from baselines.volumetric.rays.batches import Batch
+from baselines.volumetric.rays.rays import camera_rays
+from baselines.volumetric.rays.sampling import even_edges, resample
+from baselines.volumetric.rays.spaces import Rays, Space
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
 

@@ -1,6 +1,6 @@
 """The training of radiance fields: batches of rays, Adam, its rates. Model and loss are the method's."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,18 +9,18 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from baselines.training.checkpoints import CHECKPOINT, Tree, fingerprint_of
+from baselines.training.checkpoints import CHECKPOINT, Tree, fingerprint_of, settings_of
 from baselines.training.devices import chosen_device
 from baselines.training.images import TrainingImages, read_images
 from baselines.training.loop import Metrics, run
 from baselines.training.torch_state import module_arrays, restore_module
-from baselines.volumetric.batches import Batch, Draw, TrainingPixels
 from baselines.volumetric.config import VolumetricConfig
-from baselines.volumetric.hash_grid import warm_up as warm_up_kernels
+from baselines.volumetric.fields.hash_grid import warm_up as warm_up_kernels
 from baselines.volumetric.losses import Loss, photometric_losses
 from baselines.volumetric.model import RadianceModel, TrainingContext
-from baselines.volumetric.sampling import annealed
-from baselines.volumetric.spaces import Space, choose_space
+from baselines.volumetric.rays.batches import Batch, Draw, TrainingPixels
+from baselines.volumetric.rays.sampling import annealed
+from baselines.volumetric.rays.spaces import Space, choose_space
 from hydroviews.scene.scenes import Scene
 from hydroviews.scene.seeds import generator
 
@@ -45,7 +45,7 @@ def train(
     make: Make,
     loss: Loss | None = None,
     *,
-    settings: dict[str, Any] | None = None,
+    settings: Mapping[str, Any] | None = None,
     images: TrainingImages | None = None,
     weights: Sequence[NDArray[np.float32]] | None = None,
     draw: Draw = TrainingPixels.draw,
@@ -62,7 +62,7 @@ def train(
         folder: where the checkpoint is kept.
         make: the model, untrained.
         loss: of a batch; by default that of a plain field.
-        settings: of `make` and `loss`, for JSON; a checkpoint made with others is refused.
+        settings: of the whole method, for JSON; those of `config` by default. Checkpoints of others are refused.
         images: to learn from instead of the photographs.
         weights: how much each pixel counts, [H, W] in [0, 1] a view.
         draw: the pixels of a step; by default evenly from all views.
@@ -86,7 +86,7 @@ def train(
     else:
         torch.set_float32_matmul_precision("high")  # TF32, with which fields train as well and several times faster
     fingerprint = fingerprint_of(
-        config, seed, scene, pixels.images, settings=settings or {}, weights=pixels.digest(), device=device.type
+        settings or settings_of(config), seed, scene, pixels.images, weights=pixels.digest(), device=device.type
     )
     trainer = FieldTrainer(config, seed, pixels, model, loss or photometric_losses(config), device, draw)
     run(trainer, folder / CHECKPOINT, fingerprint, config.checkpoint_seconds)

@@ -9,8 +9,7 @@ colours of the points; and the constant 0.5 of the colours takes the gain as wel
 """
 
 import math
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -20,7 +19,7 @@ from torch.nn.functional import pad
 
 from baselines.splatting.appearance.base import Appearance
 from baselines.splatting.gaussians import Gaussians
-from baselines.splatting.kernels.sh_coefficients import C0
+from baselines.splatting.kernels.splats.sh_coefficients import C0
 from baselines.training.torch_state import module_arrays, restore_module
 from baselines.wild_gaussians.sky import Bounds
 from hydroviews.scene.cameras import Camera
@@ -98,10 +97,6 @@ class WildAppearance(Appearance):
     def feature_rate(self, iteration: int) -> float:
         """See Appearance."""
         return self._config.gaussian_rate * self._decay(iteration)
-
-    def settings(self) -> dict[str, Any]:
-        """See Appearance."""
-        return {**super().settings(), **asdict(self._config)}
 
     def training_state(self) -> dict[str, NDArray]:
         """See Appearance."""

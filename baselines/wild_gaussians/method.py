@@ -1,7 +1,7 @@
 """WildGaussians (Kulhanek et al. 2024): splatting for photographs in changing light with things in the way.
 
 Gaussians are toned for each view by an appearance model (`appearance.py`), and pixels that show what is not of
-the scene, by frozen features, do not count (`uncertainty.py`). The Gaussians are rendered in two sets of
+the scene, by frozen features, do not count (`baselines.masking.uncertainty`). The Gaussians are rendered in two sets of
 colours a step: the toned image is compared by L1, the plain one by SSIM. Some Gaussians start far off, for the sky
 (`sky.py`). Views that were not trained on show each Gaussian as those that were do in the mean (`mean_appearance.py`).
 
@@ -16,29 +16,28 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from baselines.encoders.frozen import CALIBRATED, calibrated
 from baselines.gaussian_splatting import MASKED, GaussianSplatting
+from baselines.masking.uncertainty import Uncertainty, UncertaintyConfig
 from baselines.method import Citation, TrainingSummary
 from baselines.splatting.backends.base import GSPLAT
 from baselines.splatting.config import TrainerConfig
-from baselines.splatting.initialisation import scene_extent
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import photometric_loss
 from baselines.splatting.objective import Objective
 from baselines.splatting.schedule import LearningRates
 from baselines.splatting.strategies.densification import DefaultStrategy
+from baselines.splatting.strategies.initialisation import scene_extent
 from baselines.splatting.trainer import train
 from baselines.splatting_profiles import PROFILES_WITH_NETWORKS
-from baselines.training.checkpoints import below, prefixed
+from baselines.training.checkpoints import settings_of
 from baselines.training.devices import chosen_device
-from baselines.training.images import Size, TrainingImages, read_images
+from baselines.training.images import TrainingImages, read_images
 from baselines.training.torch_state import one_thread
 from baselines.wild_gaussians.appearance import AppearanceConfig, WildAppearance
-from baselines.wild_gaussians.features import NETWORKS, make_features
 from baselines.wild_gaussians.mean_appearance import mean_appearance
 from baselines.wild_gaussians.sky import bounds_of, with_room, with_sky
-from baselines.wild_gaussians.uncertainty import Uncertainty, UncertaintyConfig, counted
 from hydroviews.errors import InputError
 from hydroviews.scene.images import Image
 from hydroviews.scene.scenes import Scene
@@ -89,75 +88,20 @@ PROFILES = {
 class WildObjective(Objective):
     """L1 of the toned image and SSIM of the plain one, over the pixels that are taken for the scene's."""
 
-    def __init__(
-        self,
-        images: TrainingImages,
-        lambda_dssim: float,
-        appearance: WildAppearance | None,
-        uncertainty: Uncertainty | None,
-    ) -> None:
-        super().__init__(images, lambda_dssim, appearance)
-        self._uncertainty = uncertainty
-
-    def __call__(self, image: Image, view: int, iteration: int, buffers: BufferPool) -> tuple[float, Image]:
-        """See Objective: the same without an appearance."""
-        weights = self._weights(image, view, iteration)
-        target = self.target(view, (image.shape[0], image.shape[1]))
-        return photometric_loss(image, target, self.lambda_dssim, weights, buffers)
-
     def compare(
         self, images: Sequence[Image], view: int, iteration: int, buffers: BufferPool
     ) -> tuple[float, Sequence[Image]]:
         """See Objective."""
         toned, plain = images
-        weights = self._weights(toned, view, iteration)
-        target = self.target(view, (toned.shape[0], toned.shape[1]))
+        size = toned.shape[0], toned.shape[1]
+        weights = self.weights(lambda: toned, view, size, iteration, buffers)
+        target = self.target(view, size)
         total, gradients = 0.0, []
         for image, lambda_dssim, share in ((toned, 0.0, 1 - self.lambda_dssim), (plain, 1.0, self.lambda_dssim)):
             loss, gradient = photometric_loss(image, target, lambda_dssim, weights, buffers)
             total += share * loss
             gradients.append(np.float32(share) * gradient)  # a copy: the next call writes over it
         return total, gradients
-
-    def hidden(self, view: int, size: Size) -> NDArray[np.float32] | None:
-        """See Objective: what does not count at the end of the training."""
-        if self._uncertainty is None:
-            return None
-        return (~counted(self._uncertainty.uncertainty(view, size))).astype(np.float32)
-
-    def masked(self, iteration: int) -> float:
-        """Share of the photographs' pixels that do not count at an iteration, in the mean over views."""
-        shares = []
-        for view in range(len(self.images)):
-            height, width = self.images.pixels(view).shape[:2]
-            weights = None
-            if self._uncertainty is not None:
-                weights = self._uncertainty.weights(view, (height, width), iteration)
-            shares.append(0.0 if weights is None else 1 - float(weights.mean()))
-        return float(np.mean(shares))
-
-    def settings(self) -> dict[str, Any]:
-        """See Objective."""
-        return {**super().settings(), "uncertainty": self._uncertainty and self._uncertainty.settings()}
-
-    def state_dict(self) -> dict[str, NDArray]:
-        """See Objective."""
-        learned = self._uncertainty.state_dict() if self._uncertainty else {}
-        return super().state_dict() | prefixed("uncertainty", learned)
-
-    def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
-        """See Objective."""
-        super().load_state_dict(arrays)
-        if self._uncertainty:
-            self._uncertainty.load_state_dict(below("uncertainty", arrays))
-
-    def _weights(self, image: Image, view: int, iteration: int) -> NDArray[np.float32] | None:
-        """What pixels of a view weigh; the uncertainty learns from its render."""
-        if self._uncertainty is None:
-            return None
-        weights = self._uncertainty.weights(view, (image.shape[0], image.shape[1]), iteration)
-        self._uncertainty.learn(image, view, iteration)
-        return weights
 
 
 class WildGaussians(GaussianSplatting):
@@ -188,9 +132,9 @@ class WildGaussians(GaussianSplatting):
         named = os.environ.get(FEATURES)
         if not named or not config.uncertainty:
             return config
-        network = next((known for known in NETWORKS if known == named), None)
+        network = next((known for known in CALIBRATED if known == named), None)
         if network is None:
-            raise InputError(f"{FEATURES}={named}: unknown", expected=" or ".join(NETWORKS))
+            raise InputError(f"{FEATURES}={named}: unknown", expected=" or ".join(CALIBRATED))
         return replace(config, uncertainty=replace(config.uncertainty, features=network))
 
     def fit(self, scene: Scene, folder: Path) -> None:
@@ -204,24 +148,25 @@ class WildGaussians(GaussianSplatting):
         if config.appearance:
             appearance = WildAppearance(len(images), bounds, splatting.iterations, config.appearance, self.seed)
         with one_thread():
-            objective = WildObjective(images, splatting.lambda_dssim, appearance, self._uncertainty(images))
-            trained = train(scene, splatting, self.seed, folder, objective)
+            uncertainty = self._uncertainty(images)
+            objective = WildObjective(images, splatting.lambda_dssim, appearance, uncertainty)
+            settings = settings_of(config, method=type(self).__name__)
+            trained = train(scene, splatting, self.seed, folder, objective, settings)
             if appearance:
                 cameras = [view.camera for view in scene.train_views]
                 shown = mean_appearance(trained.gaussians, appearance, cameras, trained.near, splatting.antialiased)
                 trained = replace(trained, gaussians=shown)
         self._trained, self._objective = trained, objective
-        self.found["sky"] = len(scene.points) - before
-        if config.uncertainty:
-            self.note_masked(objective.masked(splatting.iterations))
+        self.found |= objective.report() | {"sky": len(scene.points) - before}
+        if uncertainty:
+            self.note_masked(uncertainty.masked(splatting.iterations))
 
     def _uncertainty(self, images: TrainingImages) -> Uncertainty | None:
-        """Before its first step, if it is wanted; `used` will name the features."""
+        """Before its first step, if it is wanted."""
         config: WildConfig = self.config
         if not config.uncertainty:
             return None
-        features = make_features(config.uncertainty.features, chosen_device(config.splatting.device, GSPLAT))
-        self.found["uncertainty"] = features.name
+        features = calibrated(config.uncertainty.features, chosen_device(config.splatting.device, GSPLAT))
         return Uncertainty(images, features, config.uncertainty, config.splatting.strategy, self.seed)
 
     def summary(self) -> TrainingSummary:

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.splatting.config import TrainerConfig
-from baselines.splatting.initialisation import FEWEST_POINTS, scene_extent
 from baselines.splatting.strategies.densification import DefaultStrategy
+from baselines.splatting.strategies.initialisation import FEWEST_POINTS, scene_extent
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.scenes import Points, Scene
 

@@ -10,8 +10,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from baselines.gs_w.encoded import EncodedAppearance
-from baselines.gs_w.encoder import at_size
+from baselines.encoders.appearance import EncodedAppearance
+from baselines.encoders.unet import at_size
 from baselines.splatting.gaussians import Gaussians
 from baselines.training.checkpoints import below
 from baselines.training.images import TrainingImages

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from baselines.splatting.appearance.networks import layers
-from baselines.splatting.kernels.sh_coefficients import C0, coefficients
+from baselines.splatting.kernels.splats.sh_coefficients import C0, coefficients
 from baselines.wild_gs.config import LookConfig
 
 TAIL = 0.01  # of the Gaussians, at each end of an axis, that the extent leaves out

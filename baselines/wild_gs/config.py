@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from baselines.gs_w.config import EncoderConfig
+from baselines.encoders.config import EncoderConfig
 
 
 @dataclass(frozen=True)

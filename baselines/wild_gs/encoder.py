@@ -2,7 +2,7 @@
 
 from torch import Tensor
 
-from baselines.gs_w.encoder import PictureEncoder, visibility, visibility_decoder
+from baselines.encoders.unet import PictureEncoder, visibility, visibility_decoder
 
 
 class LookEncoder(PictureEncoder):

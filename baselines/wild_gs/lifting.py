@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from baselines.splatting.gaussians import SHAPE, Gaussians
-from baselines.splatting.kernels.rasterizer import depth, render
+from baselines.splatting.rasterizer import depth, render
 from hydroviews.scene.cameras import Camera
 
 LEAST_COVERED = 0.5  # of a pixel by Gaussians, from which on it has a depth

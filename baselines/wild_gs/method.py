@@ -2,7 +2,7 @@
 
 A Gaussian's colour in a view is made of a code of the photograph as a whole, of a code of the place, which it reads
 from a triplane of the photograph's own pixels, lifted by the rendered depth, and of numbers of its own (`colours`,
-`triplane`, `lifting`, `appearance`). A visibility mask weighs the loss, at a price that falls (GS-W's `objective`).
+`triplane`, `lifting`, `appearance`). A visibility mask (`masking.visibility`) weighs the loss, at a price that falls.
 There is no code by the authors: what the paper does not give is chosen here, see `config`.
 
 Departures from the paper, in all profiles:
@@ -23,12 +23,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
+from baselines.encoders.objective import PerceptualObjective
+from baselines.encoders.resnet_weights import encoder_used, load_resnet, with_named_weights
 from baselines.gaussian_splatting import MASKED, GaussianSplatting
-from baselines.gs_w.objective import VisibleObjective
-from baselines.gs_w.weights import encoder_used, load_resnet, with_named_weights
 from baselines.method import Citation, TrainingSummary
 from baselines.splatting.config import TrainerConfig
-from baselines.splatting.initialisation import scene_extent
+from baselines.splatting.strategies.initialisation import scene_extent
 from baselines.splatting_profiles import PROFILES_WITH_NETWORKS, with_iterations
 from baselines.training.images import read_images
 from baselines.training.torch_state import one_thread
@@ -75,7 +75,7 @@ class WildGS(GaussianSplatting):
         config: WildGSConfig = super().configuration(profile)
         return replace(config, look=with_named_weights(config.look))
 
-    def objective(self, scene: Scene, folder: Path) -> VisibleObjective:
+    def objective(self, scene: Scene, folder: Path) -> PerceptualObjective:
         """See GaussianSplatting.
 
         Raises:
@@ -89,7 +89,7 @@ class WildGS(GaussianSplatting):
         )
         if look.weights:
             load_resnet(appearance.encoder.backbone, Path(look.weights))
-        return VisibleObjective(images, splatting.lambda_dssim, appearance)
+        return PerceptualObjective(images, splatting.lambda_dssim, appearance)
 
     @one_thread()
     def fit(self, scene: Scene, folder: Path) -> None:

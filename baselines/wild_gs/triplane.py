@@ -8,8 +8,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from baselines.gs_w.encoder import Up
-from baselines.gs_w.sampling import sample
+from baselines.encoders.sampling import sample
+from baselines.encoders.unet import Up
 
 PLANES = 3
 VALUES = 4  # of a pixel: three of colour, and whether there is a point

@@ -14,9 +14,10 @@ import torch
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from baselines.splatting import rasterizer
 from baselines.splatting.backends import torch_rasterizer as reference
 from baselines.splatting.gaussians import FIELDS, Gaussians
-from baselines.splatting.kernels import constants, rasterizer
+from baselines.splatting.kernels import constants
 from baselines.splatting.kernels.simd import SIMD
 from benchmarks.splatting.scenes import room, view
 from benchmarks.tables import rows_of

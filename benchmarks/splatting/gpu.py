@@ -23,8 +23,8 @@ from baselines.method import find_method
 from baselines.splatting.backends.base import CpuBackend
 from baselines.splatting.backends.cuda import CudaBackend, _upload
 from baselines.splatting.files.checkpoints import state_to_tree
-from baselines.splatting.kernels.rasterizer import backward, render
 from baselines.splatting.objective import Objective
+from baselines.splatting.rasterizer import backward, render
 from baselines.splatting.state import fresh_state
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.training.checkpoints import save_checkpoint

@@ -11,10 +11,11 @@ import pandas as pd
 
 from baselines.splatting import objective
 from baselines.splatting.backends import base as backends
-from baselines.splatting.kernels import binning, blending, blending_gradient, projection, projection_gradient
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from baselines.splatting.kernels.rasterizer import backward, backward_sh_sets, render, render_sh_sets
+from baselines.splatting.kernels.splats import projection, projection_gradient
+from baselines.splatting.kernels.tiles import binning, blending, blending_gradient
 from baselines.splatting.objective import Objective
+from baselines.splatting.rasterizer import backward, backward_sh_sets, render, render_sh_sets
 from baselines.splatting.schedule import LearningRates, rates_at
 from baselines.splatting.state import fresh_state
 from baselines.splatting.strategies.base import StepOptions

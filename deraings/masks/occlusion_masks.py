@@ -23,6 +23,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from baselines.masking.pixel_weights import Comparison, PixelWeights
 from baselines.training.checkpoints import below
 from baselines.training.images import Size, TrainingImages
 from baselines.training.torch_state import module_arrays, one_thread, restore_module
@@ -31,11 +32,12 @@ from deraings.lens.views import mean_around
 from deraings.masks.config import MaskConfig
 from deraings.masks.maps import evidence, filled
 from deraings.masks.network import MaskNetwork, masked_loss
+from hydroviews.scene.images import Image
 
 LEVEL_MEMORY = 100  # network steps over which the typical loss is averaged
 
 
-class OcclusionMasks:
+class OcclusionMasks(PixelWeights):
     """The masks of a scene's training views, and the network that they come from.
 
     A view's mask is the one that the network last learned from, or if it never has, one predicted when asked for. So
@@ -83,6 +85,16 @@ class OcclusionMasks:
         self._kept: dict[int, NDArray[np.uint8]] = {}  # masks of views at the mask's resolution
         self._on_lens: dict[int, NDArray[np.uint8]] = {}  # what of them is on the lens
         self._known, self._stays = known, stays
+
+    def weigh(self, seen: Comparison) -> Plane | None:
+        """See PixelWeights: 1 - M, once the masks have learned, if they are due."""
+        if self.due(seen.iteration):
+            self.learn(seen.view, seen.losses(), seen.iteration)
+        return self.weights(seen.view, seen.size, seen.iteration)
+
+    def hidden(self, view: int, size: Size, render: Callable[[], Image]) -> Plane:
+        """See PixelWeights: what of M is on the lens."""
+        return self.mask(view, size)
 
     def due(self, iteration: int) -> bool:
         """Whether the network should learn in this iteration."""

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from baselines.splatting.backends.transfers import fetched, sent
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.loss_map import loss_map
 from baselines.splatting.kernels.photometric import Target, photometric_loss, prepare_target
 from baselines.splatting.objective import Objective, OnGPU
 from baselines.training.checkpoints import below, prefixed
 from baselines.training.images import Size, TrainingImages
+from baselines.training.torch_state import fetched, sent
 from deraings.enhancement.views import EnhancedViews
 from deraings.image_planes import Plane, product, resized
 from deraings.masks.occlusion_masks import OcclusionMasks

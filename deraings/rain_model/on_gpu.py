@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from baselines.splatting.backends.transfers import fetched, sent
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import Target
 from baselines.training.images import Size
+from baselines.training.torch_state import fetched, sent
 from deraings.enhancement.architecture.mist_branch import decoded, encoded
 from deraings.image_planes import CELLS, Plane, averages_around, product, within_side
 from deraings.rain_model.drops import DropLayer

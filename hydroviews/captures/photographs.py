@@ -5,7 +5,7 @@ from pathlib import Path
 
 from hydroviews.captures.sfm.sources import link_names
 from hydroviews.errors import InputError
-from hydroviews.formats.mask_files import mask_folders
+from hydroviews.formats.mask_files.matching import mask_folders
 from hydroviews.formats.photographs import (
     FOLDERS,
     not_read,

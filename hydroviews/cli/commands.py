@@ -10,10 +10,10 @@ from typing import Any, NoReturn
 import tyro
 
 from hydroviews.cli.logs import choose_log_level, show_logs
+from hydroviews.cli.malloc import keep_freed_memory
 from hydroviews.cli.processes import ENDING, Ended, end_when_asked
 from hydroviews.cli.starting import ENDED
 from hydroviews.errors import InputError, no_permission
-from hydroviews.files.malloc import keep_freed_memory
 
 HELP = "With any command, anywhere: --verbose shows times, modules and details, --quiet warnings only."
 

@@ -11,11 +11,8 @@ drop_masks.py     where drops are, for captures taken through drops
 variants.py       opens what was built, comparing bytes with the manifest
 lending.py        what a method may see of it, in a folder of its own
 manifest.py       a SHA-256 of every file
-repair.py         files of a finished scene that changed: refused, or made again
-verify.py         checks all of it: files, cameras, rain
-checks/           what it looks at
+checks/           verify.py checks all of it: files, cameras, rain; repair.py makes changed files again
 statistics.py     what rain did to every view
-contact_sheet.py  pictures of a scene and its layers
-card/             a page that describes a scene
+card/             a page that describes a scene, and contact sheets of its layers
 sharing/          handing it on: archives of variants
 """

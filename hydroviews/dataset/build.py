@@ -24,11 +24,11 @@ from typing import Any, NamedTuple
 
 from hydroviews.blender.embedded_scenes.captures import EMBEDDED
 from hydroviews.dataset.card.card import CARD, LICENCE, find_licence, keep_licence, stated_licence, write_card
+from hydroviews.dataset.checks.repair import damaged_files, drop_or_refuse, require_request, unchanged
 from hydroviews.dataset.clean_views import CLEAN, write_cameras, write_views
 from hydroviews.dataset.drawing_code import VERSION, drawing_code
 from hydroviews.dataset.manifest import forget_scene, read_manifest, record_files, record_scene
 from hydroviews.dataset.rainy_variant import link_shared, write_captured, write_variant
-from hydroviews.dataset.repair import damaged_files, drop_or_refuse, require_request, unchanged
 from hydroviews.dataset.request import (
     REQUEST,
     WHOLE,
@@ -42,7 +42,7 @@ from hydroviews.dataset.statistics import write_statistics
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
 from hydroviews.formats.capture_json import CAPTURED
-from hydroviews.formats.hidden_share import scene_hidden_notes
+from hydroviews.formats.mask_files.hidden_share import scene_hidden_notes
 from hydroviews.rain.patterns import PATTERN_FILE, Pattern
 from hydroviews.rain.registry import parse_pattern
 from hydroviews.rain.scene_statistics import LensRenderer, survey

@@ -25,7 +25,7 @@ from hydroviews.errors import InputError, unknown_name
 from hydroviews.files.atomic import is_there, read_json
 from hydroviews.files.locks import BUSY, locked
 from hydroviews.files.temporary import remove_leftovers
-from hydroviews.formats.paired_pictures import find_pictures
+from hydroviews.formats.paired.pictures import find_pictures
 from hydroviews.formats.photographs import FOLDERS, photographs_below
 from hydroviews.formats.read import no_folder, read_scene
 from hydroviews.profiles import Profile, require_long_side, require_seed

@@ -28,7 +28,7 @@ from tqdm import tqdm
 
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import as_file, read_json
-from hydroviews.formats.csv_tables import read_csv, write_csv
+from hydroviews.formats.tables.csv_tables import read_csv, write_csv
 from hydroviews.rain.layers import read_layers
 from hydroviews.rain.patterns import PATTERN_FILE
 from hydroviews.rain.registry import find_effect

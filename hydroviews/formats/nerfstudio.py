@@ -21,7 +21,7 @@ from hydroviews.formats.photographs import (
     stem,
     view_names,
 )
-from hydroviews.formats.ply import read_ply
+from hydroviews.formats.points.ply import read_ply
 from hydroviews.scene.checks import check_file_name
 from hydroviews.scene.images import image_size
 from hydroviews.scene.lenses import Lens, named_lens

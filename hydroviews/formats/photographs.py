@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from hydroviews.errors import InputError, no_permission
 from hydroviews.files.atomic import is_there, read_json
 from hydroviews.formats.capture_json import CAPTURED
-from hydroviews.formats.mask_names import without_masks
+from hydroviews.formats.mask_files.names import without_masks
 from hydroviews.scene.cameras import same_shape
 from hydroviews.scene.checks import check_view_name
 from hydroviews.scene.file_kinds import file_kind

@@ -12,14 +12,14 @@ from hydroviews.formats.capture_json import captured_rainy, described_number
 from hydroviews.formats.checks.capture import compare
 from hydroviews.formats.checks.hidden import hidden_by_masks
 from hydroviews.formats.colmap import find_models, read_colmap, refuse_mixed
-from hydroviews.formats.doubles import without_doubles
 from hydroviews.formats.llff import read_llff
-from hydroviews.formats.mask_files import with_masks
+from hydroviews.formats.mask_files.matching import with_masks
 from hydroviews.formats.nerfstudio import read_nerfstudio
 from hydroviews.formats.nsvf import is_nsvf, read_nsvf
-from hydroviews.formats.paired import paired_scene
-from hydroviews.formats.paired_pictures import find_pictures
+from hydroviews.formats.paired.pictures import find_pictures
+from hydroviews.formats.paired.scenes import paired_scene
 from hydroviews.formats.photographs import Match, match_files, not_read, photographs_below, read_split, some
+from hydroviews.formats.points.doubles import without_doubles
 from hydroviews.formats.splits import with_own_split
 from hydroviews.scene.file_kinds import ARCHIVES, file_kind
 from hydroviews.scene.scenes import Scene

@@ -25,7 +25,7 @@ import pandas as pd
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.suites import DEVELOPMENT, TEST, suite_of
 from hydroviews.errors import InputError, unknown_name
-from hydroviews.formats.markdown import Markup, markdown_table
+from hydroviews.formats.tables.markdown import Markup, markdown_table
 from hydroviews.metrics import find_metrics
 from hydroviews.profiles import find_profile
 from leaderboard.records import CEILING, FLOOR, GIVEN_POSES, SCORED, effect_of

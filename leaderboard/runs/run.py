@@ -24,10 +24,10 @@ from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.errors import InputError
 from hydroviews.files import settings_guard
 from hydroviews.files.atomic import read_json
-from hydroviews.files.plain_settings import plain_settings
 from hydroviews.scene.scenes import Scene
 from leaderboard.records import GIVEN_POSES, RAINY_POSES, SPARSE_VIEWS, check_track, effect_of, run_folder
 from leaderboard.runs.estimated_cameras import Estimate, estimate_cameras, with_cameras
+from leaderboard.runs.plain_settings import plain_settings
 from leaderboard.runs.sessions import CONFIG
 
 

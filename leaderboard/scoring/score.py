@@ -24,7 +24,7 @@ from hydroviews.dataset.variants import has_clean
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, sha256
 from hydroviews.files.temporary import remove_leftovers
-from hydroviews.formats.csv_tables import write_csv
+from hydroviews.formats.tables.csv_tables import write_csv
 from hydroviews.metrics import Metric, find_metrics
 from hydroviews.scene.images import Image, read_pixels, to_image, to_uint8
 from hydroviews.scene.masks import Ignored

@@ -15,7 +15,7 @@ import pandas as pd
 
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.errors import InputError, unknown_name
-from hydroviews.formats.markdown import markdown_table
+from hydroviews.formats.tables.markdown import markdown_table
 from hydroviews.metrics import Metric, find_metrics
 from leaderboard.tables.means import ENOUGH, RUN, compared_runs, shown_names
 from leaderboard.tables.statistics import SIGNIFICANT, SceneScores, estimate, holm, seeds_needed, signed_rank_p

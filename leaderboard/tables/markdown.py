@@ -6,7 +6,7 @@ from typing import Any
 import pandas as pd
 
 from hydroviews.dataset.suites import suite_of
-from hydroviews.formats.markdown import Markup, markdown_table
+from hydroviews.formats.tables.markdown import Markup, markdown_table
 from hydroviews.metrics import Metric, find_metrics
 from hydroviews.rain.patterns import GRADES
 from leaderboard.tables.dataframes import SuiteTables, Tables, scene_tables

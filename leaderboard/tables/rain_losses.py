@@ -12,8 +12,8 @@ from hydroviews.dataset.variants import is_captured
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
 from hydroviews.formats.capture_json import CAPTURED
-from hydroviews.formats.csv_tables import read_csv, write_csv
 from hydroviews.formats.read import read_scene
+from hydroviews.formats.tables.csv_tables import read_csv, write_csv
 from hydroviews.rain.lens.patterns.pattern import RaindropPattern
 from hydroviews.rain.patterns import PATTERN_FILE
 from hydroviews.rain.scene_statistics import SceneStatistics, survey

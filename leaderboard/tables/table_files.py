@@ -5,7 +5,7 @@ from pathlib import Path
 import pandas as pd
 
 from hydroviews.files.atomic import write_bytes
-from hydroviews.formats.csv_tables import write_csv
+from hydroviews.formats.tables.csv_tables import write_csv
 from leaderboard.tables.dataframes import all_tables, tidy_ablation, tidy_scenes, tidy_suites
 from leaderboard.tables.latex import to_latex
 from leaderboard.tables.markdown import all_text

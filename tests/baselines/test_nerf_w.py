@@ -9,9 +9,9 @@ import torch
 from field_rays import SPACE, rays, samples
 
 from baselines.nerf_w import NerfW, NerfWConfig, NerfWModel, nerf_w_losses
-from baselines.volumetric.batches import Batch
 from baselines.volumetric.compositing import INFINITE
 from baselines.volumetric.model import TrainingContext
+from baselines.volumetric.rays.batches import Batch
 
 CONFIG = NerfWConfig(balls.SMALL, appearance=8, transient=8, transient_width=16, embedding_rate=2e-2)
 SHORT = replace(CONFIG, volumetric=replace(balls.SMALL, iterations=20, rays=64, proposal_always=10))

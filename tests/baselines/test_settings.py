@@ -3,15 +3,15 @@
 import pytest
 
 from baselines.cr_nerf.config import CrNerfConfig, StyleConfig, TransformConfig, TransientConfig
-from baselines.distractors.mask_network import MaskNetworkConfig
-from baselines.distractors.trimming import TrimConfig
 from baselines.gs_w.config import ReferenceConfig
 from baselines.ha_nerf.config import LookConfig
+from baselines.masking.feature_network import MaskNetworkConfig
+from baselines.masking.rays import PriceConfig
+from baselines.masking.trimmed import TrimConfig
 from baselines.nimbus.config import MediumConfig, ResidualConfig
 from baselines.occ_nerf.config import OccNerfConfig
 from baselines.splatting.config import TrainerConfig
 from baselines.volumetric.config import MlpFieldConfig
-from baselines.volumetric.masking import PriceConfig
 from baselines.wild_gs.config import LookConfig as WildLookConfig
 
 WRONG = {

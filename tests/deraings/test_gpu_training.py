@@ -12,13 +12,14 @@ import torch
 from splats import photographed
 
 from baselines.distractors.desplat import DeSplat, DeSplatConfig
-from baselines.distractors.mask_network import MaskNetworkConfig
 from baselines.distractors.robust_filter import RobustFilter, RobustFilterConfig
 from baselines.distractors.spotless import Spotless, SpotlessConfig
 from baselines.distractors.view_layers import LayerConfig
 from baselines.gaussian_splatting import BudgetedSplatting, GaussianSplatting
 from baselines.gs_w.config import SHORT
 from baselines.gs_w.method import GaussianInTheWild, GSWConfig
+from baselines.masking.feature_network import MaskNetworkConfig
+from baselines.masking.uncertainty import UncertaintyConfig
 from baselines.nimbus.config import MediumConfig, NimbusConfig, ResidualConfig
 from baselines.nimbus.method import Nimbus
 from baselines.splatting.backends.base import GSPLAT
@@ -28,7 +29,6 @@ from baselines.splatting.strategies.relocation import MCMCStrategy
 from baselines.training.devices import missing_for_cuda
 from baselines.wild_gaussians.appearance import AppearanceConfig
 from baselines.wild_gaussians.method import WildConfig, WildGaussians
-from baselines.wild_gaussians.uncertainty import UncertaintyConfig
 from baselines.wild_gs.config import SHORT as LOOK
 from baselines.wild_gs.method import WildGS, WildGSConfig
 from deraings.masks.config import MaskConfig

@@ -7,10 +7,10 @@ import pandas as pd
 import pytest
 from synthetic import capture_in
 
-from hydroviews.dataset.contact_sheet import write_sheets
+from hydroviews.dataset.card.contact_sheet import write_sheets
+from hydroviews.dataset.checks.verify import verify
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import open_clean, open_variant
-from hydroviews.dataset.verify import verify
 from hydroviews.formats.writers import write_colmap
 from hydroviews.profiles import find_profile
 from hydroviews.scene.images import read_image

@@ -69,7 +69,7 @@ ELSEWHERE = {
         f"{ATTENTION} train",
         f"{ATTENTION} export",
     },
-    "hydroviews/captures/test_poses.py test_photographs_and_a_database_of_the_users_in_the_folder_of_results_stay": {
+    "hydroviews/captures/sfm/test_poses.py test_photographs_and_a_database_in_the_folder_of_results_stay": {
         "hydroviews poses"
     },
     "hydroviews/captures/download/test_captures.py test_a_folder_of_the_users_where_a_capture_goes_stays": {

@@ -6,10 +6,10 @@ import pandas as pd
 import pytest
 from synthetic import capture_in
 
-from hydroviews.dataset.contact_sheet import write_sheets
+from hydroviews.dataset.card.contact_sheet import write_sheets
+from hydroviews.dataset.checks.verify import verify
 from hydroviews.dataset.statistics import read_statistics
 from hydroviews.dataset.suites import read_suite
-from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
 from hydroviews.formats.writers import write_colmap
 from hydroviews.rain.registry import choose_patterns, find_effect

@@ -11,7 +11,7 @@ from baselines.derain_nerf.raindrop_attention.detection import detect
 from baselines.derain_nerf.raindrop_attention.network import DerainGenerator
 from baselines.derain_nerf.raindrop_attention.pairs import ValidationPicture
 from baselines.training.validation import average_precision, measure_by_kind
-from hydroviews.formats.markdown import markdown_table
+from hydroviews.formats.tables.markdown import markdown_table
 from hydroviews.metrics import psnr
 
 COVERED = 0.5  # a pixel is a drop's from this cover on

@@ -7,7 +7,6 @@ torch, so that the CPU's kernels and gsplat both can stand at its end.
 """
 
 from abc import abstractmethod
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,10 +45,6 @@ class Appearance(nn.Module):
     @abstractmethod
     def feature_rate(self, iteration: int) -> float:
         """Adam's learning rate of the features."""
-
-    def settings(self) -> dict[str, Any]:
-        """The settings; a checkpoint made with others is refused."""
-        return {"name": type(self).__name__}
 
     @abstractmethod
     def training_state(self) -> dict[str, NDArray]:

@@ -11,14 +11,14 @@ from baselines.splatting.appearance.gaussians import AppearanceGaussians, gaussi
 from baselines.splatting.gaussians import SHAPE, Gaussians
 from baselines.splatting.kernels.adam import adam_step
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from baselines.splatting.kernels.rasterizer import (
+from baselines.splatting.objective import Objective
+from baselines.splatting.rasterizer import (
     ShapeGradients,
     backward_sh_sets,
     backward_with_sh_step,
     render,
     render_sh_sets,
 )
-from baselines.splatting.objective import Objective
 from baselines.splatting.state import TrainingState, finite
 from baselines.splatting.strategies.base import StepOptions
 from baselines.splatting.strategies.densification import observe

@@ -19,25 +19,24 @@ from gsplat import rasterization
 from numpy.typing import NDArray
 from torch import Tensor
 
-from baselines.splatting.appearance.gaussians import in_sight, moved
+from baselines.splatting.appearance.gaussians import finite_rows, in_sight, moved
 from baselines.splatting.backends import torch_ops
 from baselines.splatting.backends.gsplat_kernels import require_kernels
 from baselines.splatting.backends.torch_ops import (
-    finite_rows,
     normal_noise,
     penalty_gradient,
     position_moves,
     without_non_finite,
 )
-from baselines.splatting.backends.transfers import fetched, sent
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.constants import LOW_PASS
-from baselines.splatting.kernels.sh_coefficients import C0, degree_of
+from baselines.splatting.kernels.splats.sh_coefficients import C0, degree_of
 from baselines.splatting.objective import Objective, OnGPU
 from baselines.splatting.state import TrainingState
 from baselines.splatting.strategies.base import StepOptions
 from baselines.training.images import Size
+from baselines.training.torch_state import fetched, sent
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
 

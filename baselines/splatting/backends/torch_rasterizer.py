@@ -5,7 +5,18 @@ from torch import Tensor
 
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.kernels import constants
-from baselines.splatting.kernels.sh_coefficients import C0, C1, C2_XX, C2_XY, C2_ZZ, C3_0, C3_1, C3_2, C3_3, C3_XX
+from baselines.splatting.kernels.splats.sh_coefficients import (
+    C0,
+    C1,
+    C2_XX,
+    C2_XY,
+    C2_ZZ,
+    C3_0,
+    C3_1,
+    C3_2,
+    C3_3,
+    C3_XX,
+)
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.quaternions import rotation_entries
 

@@ -15,15 +15,15 @@ import numpy as np
 from baselines.splatting import schedule
 from baselines.splatting.backends.base import CpuBackend
 from baselines.splatting.gaussians import Gaussians
-from baselines.splatting.initialisation import initialise
 from baselines.splatting.kernels.adam import adam_step
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from baselines.splatting.kernels.jit import FOLDER, HERE, digest
-from baselines.splatting.kernels.rasterizer import backward_sh_sets, render_sh_sets
+from baselines.splatting.kernels.jit import FOLDER, SOURCES, digest
 from baselines.splatting.objective import Objective
+from baselines.splatting.rasterizer import backward_sh_sets, render_sh_sets
 from baselines.splatting.schedule import LearningRates
 from baselines.splatting.state import fresh_state
 from baselines.splatting.strategies.densification import DefaultStrategy
+from baselines.splatting.strategies.initialisation import initialise
 from baselines.splatting.strategies.relocation import MCMCStrategy, add_noise
 from baselines.training.images import TrainingImages
 from hydroviews.cli.processes import run_process
@@ -43,10 +43,10 @@ def warm_up(sh_degree: int, sh_sets: bool = False) -> float:
         sh_sets: those that render several sets of coefficients at once as well, which few methods need.
     """
     start = time.perf_counter()
-    compile_apart("steps", f"from {__name__} import compile_steps; compile_steps({sh_degree})", HERE.glob("*.py"))
+    compile_apart("steps", f"from {__name__} import compile_steps; compile_steps({sh_degree})", SOURCES)
     exercise_steps(sh_degree)
     if sh_sets:
-        compile_apart("sh-sets", f"from {__name__} import exercise_sh_sets; exercise_sh_sets()", HERE.glob("*.py"))
+        compile_apart("sh-sets", f"from {__name__} import exercise_sh_sets; exercise_sh_sets()", SOURCES)
         exercise_sh_sets()
     return time.perf_counter() - start
 

@@ -17,7 +17,7 @@ from baselines.splatting.files.finite import require_finite
 from baselines.splatting.files.ply import origin_comment, rest_coefficients
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.kernels.constants import MIN_ALPHA
-from baselines.splatting.kernels.sh_coefficients import coefficients
+from baselines.splatting.kernels.splats.sh_coefficients import coefficients
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_bytes
 

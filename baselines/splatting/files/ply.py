@@ -8,7 +8,7 @@ from plyfile import PlyData, PlyElement, PlyHeaderParseError, PlyParseError
 
 from baselines.splatting.files.finite import require_finite
 from baselines.splatting.gaussians import Gaussians
-from baselines.splatting.kernels.sh_coefficients import degree_of
+from baselines.splatting.kernels.splats.sh_coefficients import degree_of
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import replacing
 

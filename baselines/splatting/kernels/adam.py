@@ -15,8 +15,8 @@ from numba import prange
 from numpy.typing import NDArray
 
 from baselines.splatting.kernels.jit import inlined, kernel
-from baselines.splatting.kernels.vector_memory import load, load_first, store, store_first
-from baselines.splatting.kernels.vectors import LANES, square_root
+from baselines.splatting.kernels.vector.memory import load, load_first, store, store_first
+from baselines.splatting.kernels.vector.vectors import LANES, square_root
 
 BETA1, BETA2 = 0.9, 0.999
 EPSILON = 1e-15  # that of Kerbl et al. 2023

@@ -1,9 +1,9 @@
 """How the kernels are compiled: to machine code on first use, kept on disk for every later process.
 
 Numba re-compiles a cached kernel when the file that defines it changes, but not when a function it calls changes in
-another file. So the cache lives in a folder named after all files beside this one, their path and content, and after
-the processor and its instructions in use. A kernel defined elsewhere calls what is defined in its own file or beside
-this one, and nothing else: a test goes through all kernels.
+another file. So the cache lives in a folder named after all files in this folder and below it, their path and content,
+and after the processor and its instructions in use. A kernel defined elsewhere calls what is defined in its own file or
+in this folder, and nothing else: a test goes through all kernels.
 """
 
 import hashlib
@@ -18,6 +18,7 @@ import platformdirs
 from baselines.splatting.kernels.simd import SIMD, machine
 
 HERE = Path(__file__).parent
+SOURCES = tuple(sorted(HERE.rglob("*.py")))  # of the kernels in this folder and below it
 CONFIG: Any = numba.config  # its settings are made at run time
 
 # Not "reassoc" (it breaks the magic-number 2^x), not "nnan" or "ninf" (culling relies on NaN comparing false).
@@ -42,7 +43,7 @@ def _cache_folder() -> str:
         parent = HERE / "__pycache__"
     else:
         parent = platformdirs.user_cache_path("hydroviews", appauthor=False)
-    return str(parent / f"kernels-{SIMD}-{digest(HERE.glob('*.py'))}")
+    return str(parent / f"kernels-{SIMD}-{digest(SOURCES)}")
 
 
 FOLDER = _cache_folder()

@@ -23,8 +23,8 @@ from numba import prange
 from numba.core import cgutils, types
 
 from baselines.splatting.kernels.jit import exact_kernel, inlined
-from baselines.splatting.kernels.vector_memory import address, aligned, load, spread, store
-from baselines.splatting.kernels.vectors import FLOATS, LANES, absolute, intrinsic, llvm_type, maximum, select
+from baselines.splatting.kernels.vector.memory import address, aligned, load, spread, store
+from baselines.splatting.kernels.vector.vectors import FLOATS, LANES, absolute, intrinsic, llvm_type, maximum, select
 
 RADIUS = 5
 SIGMA = 1.5

@@ -11,8 +11,8 @@ Penalties make superfluous Gaussians die, noise lets those that are nearly trans
 import numpy as np
 from numba import prange
 
-from baselines.splatting.kernels.geometry import exp64, rotation, sigmoid, unit_quaternion
 from baselines.splatting.kernels.jit import exact_kernel
+from baselines.splatting.kernels.splats.geometry import exp64, rotation, sigmoid, unit_quaternion
 
 GATE_STEEPNESS, GATE = 100.0, 0.995  # k and t: noise for a transparency above t, so for opacities below 0.005
 FARTHEST = 1e30  # a move of this length is that of a non-finite Gaussian, which stays as it is

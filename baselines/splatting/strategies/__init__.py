@@ -1,1 +1,1 @@
-"""When Gaussians are added, moved and removed."""
+"""How many Gaussians there are: the first ones, and when some are added, moved and removed."""

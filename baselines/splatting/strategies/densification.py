@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.splatting.gaussians import Gaussians, join
-from baselines.splatting.kernels.position_gradients import add_position_gradients
+from baselines.splatting.kernels.splats.position_gradients import add_position_gradients
 from baselines.splatting.schedule import Stream, random_stream
 from baselines.splatting.state import TrainingState
 from baselines.splatting.strategies.base import StepOptions, refinement_due

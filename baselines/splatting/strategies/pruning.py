@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from baselines.splatting.kernels.rasterizer import backward, render
-from baselines.splatting.kernels.sh_coefficients import C0
+from baselines.splatting.kernels.splats.sh_coefficients import C0
+from baselines.splatting.rasterizer import backward, render
 from baselines.splatting.state import TrainingState
 from hydroviews.scene.cameras import Camera
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from baselines.splatting.gaussians import SHAPE, Gaussians
 from baselines.splatting.kernels.mcmc import move_by_noise, penalty_gradients
-from baselines.splatting.kernels.rasterizer import ShapeGradients
+from baselines.splatting.rasterizer import ShapeGradients
 from baselines.splatting.schedule import Stream, random_stream
 from baselines.splatting.state import TrainingState, opacities
 from baselines.splatting.strategies.base import PositionNoise, StepOptions, refinement_due

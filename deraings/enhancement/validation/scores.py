@@ -23,7 +23,7 @@ from deraings.enhancement.validation.pictures import ValidationPicture
 from deraings.enhancement.weights import Enhancer
 from deraings.image_planes import Plane
 from deraings.lens.views import AROUND, mean_around
-from hydroviews.formats.markdown import markdown_table
+from hydroviews.formats.tables.markdown import markdown_table
 from hydroviews.metrics import psnr
 from hydroviews.scene.images import Image, to_uint8
 

@@ -16,7 +16,7 @@ from hydroviews.captures.video.frames import IMAGES
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import sha256
 from hydroviews.files.settings_guard import claim_folder
-from hydroviews.formats.hidden_share import hidden_notes
+from hydroviews.formats.mask_files.hidden_share import hidden_notes
 from hydroviews.formats.photographs import photographs_below, some
 from hydroviews.scene.cameras import same_shape
 from hydroviews.scene.images import SUFFIXES, read_image, to_uint8, write_png

@@ -1,1 +1,1 @@
-"""The data card of a built scene."""
+"""The data card of a built scene, and its contact sheets."""

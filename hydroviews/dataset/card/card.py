@@ -19,10 +19,10 @@ from hydroviews.dataset.statistics import STATISTICS, read_statistics
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import is_there, read_json, replacing, write_bytes, write_json
 from hydroviews.formats.capture_json import CAPTURED, described_licence
-from hydroviews.formats.csv_tables import read_csv
-from hydroviews.formats.markdown import markdown_table
 from hydroviews.formats.photographs import FOLDERS
 from hydroviews.formats.read import has_cameras
+from hydroviews.formats.tables.csv_tables import read_csv
+from hydroviews.formats.tables.markdown import markdown_table
 from hydroviews.profiles import PROFILES
 from hydroviews.rain.patterns import PATTERN_FILE
 from hydroviews.scene.images import image_size, list_images

@@ -1,1 +1,1 @@
-"""What `verify` looks at: which files there are, their cameras, their rain, and whether it can be drawn again."""
+"""Verifying a data set: which files there are, their cameras, their rain, whether it can be drawn again; repairs."""

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from hydroviews.dataset.contact_sheet import SHEETS
+from hydroviews.dataset.card.contact_sheet import SHEETS
 from hydroviews.dataset.manifest import MANIFEST, changed_files, listed_files, steps_below
 from hydroviews.dataset.rainy_variant import LENS, SHARED
 from hydroviews.dataset.request import REQUEST

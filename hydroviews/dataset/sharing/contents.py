@@ -14,9 +14,9 @@ from hydroviews.dataset.statistics import STATISTICS, summarise
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import json_bytes, read_json
 from hydroviews.formats.capture_json import CAPTURED
-from hydroviews.formats.csv_tables import csv_bytes
 from hydroviews.formats.nerfstudio import CAMERA_FILE
 from hydroviews.formats.photographs import SPLIT
+from hydroviews.formats.tables.csv_tables import csv_bytes
 from hydroviews.rain.compositing import COLOURS
 from hydroviews.rain.patterns import PATTERN_FILE
 from hydroviews.rain.registry import find_effect

@@ -4,8 +4,8 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
+from hydroviews.dataset.checks.repair import damaged_files, drop_or_refuse
 from hydroviews.dataset.manifest import read_manifest
-from hydroviews.dataset.repair import damaged_files, drop_or_refuse
 from hydroviews.dataset.variants import is_captured
 from hydroviews.rain.patterns import Pattern
 

@@ -1,6 +1,5 @@
 """CR-NeRF: what it renders, the cases that break it, and that styles and masks do what they are for."""
 
-import logging
 from dataclasses import replace
 
 import balls
@@ -23,7 +22,7 @@ from baselines.training.images import TrainingImages
 from baselines.volumetric import model as volumetric_model
 from baselines.volumetric.compositing import INFINITE
 from baselines.volumetric.config import MlpFieldConfig
-from baselines.volumetric.photographs import as_seen
+from baselines.volumetric.rays.photographs import as_seen
 
 STYLE = StyleConfig(channels=(8, 8, 16), side=24, map_side=6, rate=5e-3)
 TRANSIENTS = TransientConfig(
@@ -189,21 +188,6 @@ def test_what_is_kept_is_that_of_the_last_visit_and_the_mean_of_steps():
         weight = max(1 - KEPT, 1 / (1 + step))
         mean = (1 - weight) * mean + weight
     torch.testing.assert_close(made.content_mean, first.extras["content_mean"] + mean)
-
-
-def test_masks_that_hide_everything_are_said(caplog):
-    made, of = model(), batch(64)
-    with torch.no_grad():
-        made.transients.exit.bias.fill_(90.0)
-        for _ in range(40):
-            rendering = made(of.rays, context(of))
-            made.after_step(rendering, of)
-    losses = cr_nerf_losses(CONFIG)(rendering, of)
-    assert float(losses["colour"]) < 1e-6
-    assert all(torch.isfinite(term) for term in losses.values())
-    said = [record for record in caplog.records if record.levelno == logging.WARNING]
-    assert len(said) == 1
-    assert "masks hide" in said[0].getMessage()
 
 
 def test_an_occluder_in_a_third_of_the_views_is_kept_out(ball, tmp_path):

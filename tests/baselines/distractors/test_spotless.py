@@ -8,10 +8,9 @@ from disturbed import (
 from splats import photographed
 from trainings import psnr
 
-from baselines.distractors.mask_network import MaskNetworkConfig
 from baselines.distractors.spotless import Spotless, SpotlessConfig
 from baselines.gaussian_splatting import GaussianSplatting
-from baselines.method import find_method
+from baselines.masking.feature_network import MaskNetworkConfig
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.strategies.densification import DefaultStrategy
 
@@ -33,12 +32,3 @@ def test_something_in_the_way_in_a_third_of_the_views_is_left_out(tmp_path):
     assert psnr(ours, scene.test_views) > plain + 0.2  # seeds: 0.4 to 1.7
     assert "features vgg, pixels" in ours.summary().used
     assert_found(ours, shown, scene)
-
-
-def test_the_method_is_found_and_sees_what_its_profile_says():
-    assert find_method("spotless") is Spotless
-    networks = {name: Spotless.configuration(name).network for name in ("demo", "quick", "paper")}
-    assert [network.features for network in networks.values()] == ["vgg", "vgg", "dinov2"]
-    assert networks["paper"] == MaskNetworkConfig()  # the authors' numbers
-    limited = Spotless.with_max_iterations(Spotless.configuration("demo"), 20)
-    assert limited.splatting.iterations == 20

@@ -14,8 +14,6 @@ from baselines.distractors.view_layers import (
     first_layer,
     gradients_of,
     grown,
-    layer_arrays,
-    layer_from,
     layer_stream,
     learn,
     render_layer,
@@ -23,8 +21,8 @@ from baselines.distractors.view_layers import (
 from baselines.splatting.backends import torch_rasterizer
 from baselines.splatting.gaussians import FIELDS
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from baselines.splatting.kernels.rasterizer import backward_sh_sets
-from baselines.splatting.kernels.sh_coefficients import from_colour
+from baselines.splatting.kernels.splats.sh_coefficients import from_colour
+from baselines.splatting.rasterizer import backward_sh_sets
 from baselines.splatting.strategies.densification import DefaultStrategy
 
 VIEW = camera(24, 18)
@@ -123,17 +121,6 @@ def test_a_layer_grows_when_its_views_visits_say_so_and_may_become_empty():
     by_scene, by_sets = gradients_of(rendered, scene, scene, 0.1)
     assert np.array_equal(by_scene, scene)
     assert learn(empty, rendered, by_sets, 0.5, config).iteration == 5
-
-
-def test_a_state_is_restored_from_its_arrays():
-    state = replace(layer(), iteration=7)
-    again = layer_from(layer_arrays(state))
-    assert again.iteration == 7
-    for part in ("gaussians", "first", "second"):
-        for name in FIELDS:
-            assert np.array_equal(getattr(getattr(state, part), name), getattr(getattr(again, part), name))
-    again.gaussians.means[:] = 0
-    assert state.gaussians.means.any()
 
 
 @pytest.mark.parametrize("value", [0.0, 1.0])

@@ -12,9 +12,9 @@ from baselines.gs_w.config import SHORT
 from baselines.gs_w.fusion import Fusion
 from baselines.splatting.appearance.gaussians import AppearanceGaussians, with_appearance
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from baselines.splatting.kernels.sh_coefficients import C0
+from baselines.splatting.kernels.splats.sh_coefficients import C0
 from baselines.training.images import TrainingImages
-from baselines.volumetric.encodings import positional
+from baselines.volumetric.fields.encodings import positional
 
 SEEING = replace(SHORT, absent=0.0)  # the reference in every step
 

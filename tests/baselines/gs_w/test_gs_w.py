@@ -22,7 +22,7 @@ from baselines.gs_w.method import NETWORK, GaussianInTheWild, GSWConfig
 from baselines.method import check_hidden
 from baselines.splatting.appearance.gaussians import gaussians_in_view
 from baselines.splatting.files.ply import SPLATS, read_ply
-from baselines.splatting.kernels.rasterizer import render
+from baselines.splatting.rasterizer import render
 from baselines.training.checkpoints import read_arrays
 from hydroviews.errors import InputError
 from hydroviews.metrics.psnr import psnr

@@ -1,6 +1,5 @@
 """Ha-NeRF: its loss, the cases that break it, and that looks and masks do what they are for."""
 
-import logging
 from dataclasses import replace
 
 import balls
@@ -124,17 +123,6 @@ def test_the_looks_that_are_kept_are_those_of_the_last_visit():
         made.after_step(made(of.rays, context(of)), of)
         torch.testing.assert_close(made.looks[:2], before[:2], rtol=0, atol=0)
         torch.testing.assert_close(made.looks[2], before[2] + 1)
-
-
-def test_masks_that_hide_everything_are_said(caplog):
-    made, of = model(), batch(64)
-    with torch.no_grad():
-        made.visibility.exit.bias.fill_(9.0)
-        for _ in range(40):
-            made.after_step(made(of.rays, context(of)), of)
-    said = [record for record in caplog.records if record.levelno == logging.WARNING]
-    assert len(said) == 1
-    assert "masks hide" in said[0].getMessage()
 
 
 def test_an_occluder_in_a_third_of_the_views_is_kept_out(ball, tmp_path):

@@ -8,7 +8,7 @@ from by_hand import convolved
 from baselines.ha_nerf.config import LookConfig
 from baselines.ha_nerf.look import LookEncoder
 from baselines.training.images import TrainingImages
-from baselines.volumetric.photographs import as_seen, small_pictures
+from baselines.volumetric.rays.photographs import as_seen, small_pictures
 
 CONFIG = LookConfig(size=5, channels=(3, 4, 6), side=16)
 

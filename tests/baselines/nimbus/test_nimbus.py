@@ -18,7 +18,7 @@ from baselines.nimbus.method import Nimbus
 from baselines.nimbus.objective import NimbusObjective
 from baselines.splatting.config import EarlyStop, TrainerConfig
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from baselines.splatting.kernels.rasterizer import depth, render
+from baselines.splatting.rasterizer import depth, render
 from baselines.splatting.schedule import validation_views
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.training.images import TrainingImages

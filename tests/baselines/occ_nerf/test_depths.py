@@ -6,8 +6,8 @@ import torch
 
 from baselines.occ_nerf.depths import depth, depth_from_behind, middles
 from baselines.volumetric.compositing import INFINITE, compositing_weights
-from baselines.volumetric.rays import WorldRays
-from baselines.volumetric.spaces import NDC, Contracted
+from baselines.volumetric.rays.rays import WorldRays
+from baselines.volumetric.rays.spaces import NDC, Contracted
 
 FORWARD = NDC(((1.0, 0, 0, 0), (0, 1.0, 0, 0), (0, 0, 1.0, 0), (0, 0, 0, 1.0)), (1.0, 1.0), 1.0)
 AROUND = Contracted((0.0, 0.0, 0.0), 1.0, 0.5, 8.0)

@@ -15,10 +15,10 @@ from baselines.occ_nerf.config import OccNerfConfig
 from baselines.occ_nerf.losses import occ_nerf_losses
 from baselines.occ_nerf.method import OccNerf
 from baselines.occ_nerf.model import OccNerfModel
-from baselines.volumetric.batches import Batch
 from baselines.volumetric.config import MlpFieldConfig
 from baselines.volumetric.model import TrainingContext
-from baselines.volumetric.rays import camera_rays
+from baselines.volumetric.rays.batches import Batch
+from baselines.volumetric.rays.rays import camera_rays
 
 VOLUMETRIC = replace(balls.SMALL, iterations=180)
 CONFIG = OccNerfConfig(VOLUMETRIC, VOLUMETRIC.field, gap=0.35, alone=0.1, depth_weight=0.1)

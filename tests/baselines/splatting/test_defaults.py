@@ -7,12 +7,12 @@ import pytest
 from splats import camera, cloud
 
 from baselines.splatting.config import TrainerConfig
-from baselines.splatting.initialisation import INITIAL_OPACITY, LARGEST, NEIGHBOURS, initialise, scene_extent
 from baselines.splatting.kernels import constants
 from baselines.splatting.kernels.adam import BETA1, BETA2, EPSILON
 from baselines.splatting.schedule import LearningRates, rates_at, sh_degree_at
 from baselines.splatting.state import fresh_state
 from baselines.splatting.strategies.densification import SHRINK, SPLIT_INTO, DefaultStrategy
+from baselines.splatting.strategies.initialisation import INITIAL_OPACITY, LARGEST, NEIGHBOURS, initialise, scene_extent
 from hydroviews.scene.scenes import Points
 
 # Of the authors' classic release: arguments/__init__.py, train.py, scene/gaussian_model.py.

@@ -8,8 +8,8 @@ from trainings import CONFIG, assert_identical, crashed_and_resumed
 
 from baselines.gaussian_splatting import GaussianSplatting
 from baselines.splatting.config import EarlyStop
-from baselines.splatting.kernels.rasterizer import render
 from baselines.splatting.objective import Objective
+from baselines.splatting.rasterizer import render
 from baselines.splatting.schedule import validation_views
 from baselines.splatting.trainer import train
 from baselines.training.images import read_images

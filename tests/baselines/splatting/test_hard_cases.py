@@ -10,7 +10,7 @@ from splats import BACKGROUND, camera, cloud, with_values
 from baselines.splatting.backends import torch_rasterizer as reference
 from baselines.splatting.gaussians import FIELDS
 from baselines.splatting.kernels.photometric import photometric_loss, prepare_target
-from baselines.splatting.kernels.rasterizer import backward, render
+from baselines.splatting.rasterizer import backward, render
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import to_uint8
 

@@ -12,7 +12,7 @@ from baselines.gaussian_splatting import GaussianSplatting
 from baselines.splatting.backends.base import CpuBackend
 from baselines.splatting.backends.torch_ops import without_non_finite as torch_without_non_finite
 from baselines.splatting.gaussians import FIELDS
-from baselines.splatting.kernels.rasterizer import backward, render
+from baselines.splatting.rasterizer import backward, render
 from baselines.splatting.state import fresh_state, without_non_finite
 from baselines.splatting.trainer import train
 

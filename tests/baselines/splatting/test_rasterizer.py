@@ -11,7 +11,7 @@ from splats import BACKGROUND, camera, cloud, with_values
 from baselines.splatting.backends import torch_rasterizer as reference
 from baselines.splatting.gaussians import FIELDS, join
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from baselines.splatting.kernels.rasterizer import backward, backward_sh_sets, depth, render, render_sh_sets
+from baselines.splatting.rasterizer import backward, backward_sh_sets, depth, render, render_sh_sets
 
 WIDTH, HEIGHT = 61, 47
 

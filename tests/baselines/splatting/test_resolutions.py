@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from splats import photographed
-from trainings import CONFIG, Interrupted, assert_identical, crashed_and_resumed, psnr, trained_behind_a_mask
+from trainings import CONFIG, Interrupted, psnr
 
 from baselines.gaussian_splatting import GaussianSplatting
-from baselines.splatting.kernels.rasterizer import render
 from baselines.splatting.objective import Objective
+from baselines.splatting.rasterizer import render
 from baselines.splatting.schedule import shrink_at, shrunk
 from baselines.splatting.trainer import train
 from baselines.training.images import TrainingImages, read_images
@@ -73,14 +73,3 @@ def test_a_scene_is_learnt_from_small_images_first(scene, tmp_path):
     assert psnr(method, scene.train_views) > 30
     assert psnr(method, scene.test_views) > 26
     assert render(method._trained.gaussians, scene.views[0].camera)[0].shape == (38, 50, 3)
-
-
-@pytest.mark.parametrize("iteration", [20, 50, 120])
-def test_a_crash_leaves_no_trace(scene, tmp_path, iteration):
-    undisturbed = train(scene, COARSE, 0, tmp_path / "undisturbed")
-    config = replace(COARSE, checkpoint_seconds=0.0)
-    assert_identical(undisturbed, crashed_and_resumed(scene, config, iteration, tmp_path / "run"))
-
-
-def test_what_masks_hide_leaves_no_trace(scene, tmp_path):
-    assert_identical(*trained_behind_a_mask(scene, COARSE, tmp_path))

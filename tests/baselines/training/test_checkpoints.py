@@ -7,7 +7,7 @@ import pytest
 from splats import photographed
 from trainings import CONFIG
 
-from baselines.training.checkpoints import fingerprint_of, load_checkpoint, save_checkpoint, write_arrays
+from baselines.training.checkpoints import fingerprint_of, load_checkpoint, save_checkpoint, settings_of, write_arrays
 from baselines.training.images import TrainingImages
 from hydroviews.errors import InputError, MachineError
 from hydroviews.scene.scenes import Points
@@ -62,7 +62,9 @@ def test_a_fingerprint_tells_whatever_leads_to_another_result(tmp_path):
 
     def of(config=CONFIG, seed=0, points=points, pictures=pictures, **camera):
         views = tuple(replace(view, camera=replace(view.camera, **camera)) for view in scene.views)
-        return fingerprint_of(config, seed, replace(scene, views=views, points=points), TrainingImages(pictures))
+        return fingerprint_of(
+            settings_of(config), seed, replace(scene, views=views, points=points), TrainingImages(pictures)
+        )
 
     fingerprints = [
         of(),

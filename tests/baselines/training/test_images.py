@@ -8,7 +8,7 @@ import pytest
 from splats import photographed
 
 from baselines.training.images import TrainingImages, evenly_spread, read_images
-from baselines.volumetric.batches import TrainingPixels
+from baselines.volumetric.rays.batches import TrainingPixels
 from hydroviews.errors import InputError
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import to_uint8

@@ -22,13 +22,13 @@ STRATEGIES = {
 }
 KILLED = """
 import os, signal, sys, threading
-sys.path[:0] = sys.argv[1:4]
+sys.path[:0] = sys.argv[3:]
 from dataclasses import replace
 from pathlib import Path
 from splats import photographed
 from test_kills import STRATEGIES, moments
 from trainings import BUDGETED, Interrupted, read_images, train
-strategy, folder = sys.argv[4], Path(sys.argv[5])
+strategy, folder = sys.argv[1], Path(sys.argv[2])
 for iteration, delay in moments():
     child = os.fork()  # before any kernel has run: threads do not survive it
     if not child:
@@ -51,8 +51,8 @@ def moments():
 @pytest.mark.parametrize("strategy", STRATEGIES)
 def test_three_kills_leave_no_trace(tmp_path, strategy):
     here, tests = Path(__file__).parent, Path(__file__).parents[2]
-    places = [str(here), str(tests / "helpers"), str(tests.parent)]
-    command = [sys.executable, "-c", KILLED, *places, strategy, str(tmp_path)]
+    places = here, tests / "helpers" / "scenes", tests / "helpers" / "trainings", tests.parent
+    command = [sys.executable, "-c", KILLED, strategy, str(tmp_path), *map(str, places)]
     environment = {**os.environ, "NUMBA_NUM_THREADS": "1"}
     process = subprocess.run(command, env=environment, capture_output=True, text=True)
     killed = [str(int(-signal.SIGKILL))] * 3

@@ -3,7 +3,7 @@
 import numpy as np
 import torch
 
-from baselines.volumetric.encodings import positional
+from baselines.volumetric.fields.encodings import positional
 
 
 def test_positions_are_followed_by_sines_and_cosines_of_doubled_frequencies():

@@ -6,10 +6,10 @@ import pytest
 import torch
 
 from baselines.training.images import read_images
-from baselines.volumetric.batches import TrainingPixels
-from baselines.volumetric.grids import grid, grids, side_of_grids, views_in_turn
-from baselines.volumetric.rays import camera_rays
-from baselines.volumetric.spaces import Contracted
+from baselines.volumetric.rays.batches import TrainingPixels
+from baselines.volumetric.rays.grids import grid, grids, side_of_grids, views_in_turn
+from baselines.volumetric.rays.rays import camera_rays
+from baselines.volumetric.rays.spaces import Contracted
 from hydroviews.scene.seeds import generator
 
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import torch
 
-from baselines.volumetric.hash_grid import GridConfig, HashGrid, interpolate
+from baselines.volumetric.fields.hash_grid import GridConfig, HashGrid, interpolate
 
 RESOLUTIONS = [4, 11, 40]
 

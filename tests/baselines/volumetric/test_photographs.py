@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from baselines.training.images import TrainingImages
-from baselines.volumetric.photographs import as_seen, rays_of_the_mean, small_pictures
+from baselines.volumetric.rays.photographs import as_seen, rays_of_the_mean, small_pictures
 
 
 def test_what_is_hidden_of_a_picture_is_not_seen():

@@ -7,8 +7,8 @@ import pytest
 import torch
 from splats import camera
 
-from baselines.volumetric.rays import CameraArrays, WorldRays, camera_rays, depth_range
-from baselines.volumetric.spaces import NDC, Contracted, choose_space, contract, expand, space_from
+from baselines.volumetric.rays.rays import CameraArrays, WorldRays, camera_rays, depth_range
+from baselines.volumetric.rays.spaces import NDC, Contracted, choose_space, contract, expand, space_from
 from hydroviews.errors import InputError
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.scenes import Points, no_points

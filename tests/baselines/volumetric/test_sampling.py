@@ -3,7 +3,7 @@
 import numpy as np
 import torch
 
-from baselines.volumetric.sampling import PADDING, annealed, distortion_loss, even_edges, interlevel_loss, resample
+from baselines.volumetric.rays.sampling import PADDING, annealed, distortion_loss, even_edges, interlevel_loss, resample
 
 CPU = torch.device("cpu")
 

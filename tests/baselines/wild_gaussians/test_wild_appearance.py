@@ -8,7 +8,7 @@ from splats import BACKGROUND, camera, cloud
 from baselines.splatting.appearance.gaussians import AppearanceGaussians, with_appearance
 from baselines.splatting.backends import torch_rasterizer as reference
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from baselines.splatting.kernels.rasterizer import backward_sh_sets, render_sh_sets
+from baselines.splatting.rasterizer import backward_sh_sets, render_sh_sets
 from baselines.wild_gaussians.appearance import MIDDLE, AppearanceConfig, WildAppearance, fourier, toned
 from baselines.wild_gaussians.mean_appearance import mean_appearance
 from baselines.wild_gaussians.sky import Bounds
@@ -113,4 +113,3 @@ def test_steps_survive_a_checkpoint_and_rates_fall():
     assert not any(parameter.grad is not None and parameter.grad.any() for parameter in one.parameters())
     falling = appearance(config=AppearanceConfig(final=0.01))
     assert falling.feature_rate(50) == pytest.approx(0.1 * falling.feature_rate(0))
-    assert falling.settings() != appearance().settings()

@@ -10,17 +10,15 @@ from trainings import psnr
 
 import baselines.wild_gaussians.method as wild
 from baselines.gaussian_splatting import GaussianSplatting
-from baselines.method import find_method
+from baselines.masking.uncertainty import UncertaintyConfig
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.files.ply import read_ply
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from baselines.splatting.kernels.rasterizer import render
 from baselines.splatting.objective import Objective
+from baselines.splatting.rasterizer import render
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.wild_gaussians.appearance import AppearanceConfig
-from baselines.wild_gaussians.method import PROFILES, WildConfig, WildGaussians
-from baselines.wild_gaussians.uncertainty import UncertaintyConfig
-from hydroviews.errors import InputError
+from baselines.wild_gaussians.method import WildConfig, WildGaussians
 
 GROWTH = DefaultStrategy(
     start=10, stop=150, every=20, budget=300, grow_grad2d=5e-5, reset_every=None, prune_scale3d=1.0
@@ -80,7 +78,7 @@ def test_something_in_the_way_in_a_third_of_the_views_is_left_out(tmp_path, monk
     taught = UncertaintyConfig(
         "alexnet", start=80, warm_up=20, protected=0, first_lesson=30, rate=2e-2, prior=0.6, least=0.5
     )
-    monkeypatch.setattr(wild, "make_features", lambda *_: Blocks())
+    monkeypatch.setattr(wild, "calibrated", lambda *_: Blocks())
     without = psnr(fitted(off, occluded, tmp_path / "off"), scene.test_views)
     told = fitted(replace(off, uncertainty=taught), occluded, tmp_path / "on")
     assert psnr(told, scene.test_views) > without + 0.8
@@ -121,15 +119,3 @@ def test_the_loss_is_l1_of_the_toned_look_and_ssim_of_the_plain_one(tmp_path):
 def test_masks_that_hide_everything_are_said(tmp_path, caplog):
     uncertain = replace(BRIEF.uncertainty, start=0, warm_up=0, prior=2.0)
     hides_everything_and_says_so(WildGaussians, replace(BRIEF, uncertainty=uncertain), tmp_path, caplog)
-
-
-def test_the_profiles_are_the_methods(tmp_path):
-    assert find_method("wild-gaussians") is WildGaussians
-    assert PROFILES["paper"].uncertainty.features == "dinov2"
-    assert {PROFILES[name].uncertainty.features for name in ("demo", "quick")} == {"alexnet"}
-    with_max_iterations = WildGaussians.with_max_iterations(WildGaussians.configuration("demo"), 20)
-    assert with_max_iterations.splatting.iterations == 20
-    with pytest.raises(InputError, match="PROFILE=big"):
-        WildGaussians.configuration("big")
-    with pytest.raises(InputError, match="not trained"):
-        WildGaussians(BRIEF, 0).render(photographed(tmp_path).views[0].camera)

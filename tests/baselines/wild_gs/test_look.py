@@ -7,10 +7,10 @@ import pytest
 import torch
 from splats import camera, cloud
 
-from baselines.gs_w.objective import VisibleObjective
+from baselines.encoders.objective import PerceptualObjective
 from baselines.splatting.appearance.gaussians import AppearanceGaussians, with_appearance
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from baselines.splatting.kernels.sh_coefficients import C0
+from baselines.splatting.kernels.splats.sh_coefficients import C0
 from baselines.training.images import TrainingImages
 from baselines.wild_gs.appearance import LookAppearance
 from baselines.wild_gs.config import SHORT
@@ -169,7 +169,7 @@ def test_the_price_of_masking_falls_linearly():
 def test_the_mask_learns_at_the_price_of_the_step():
     """By m [h', w'] of the loss: a part that its pixels' losses give, and 2 price (m - 1) / (h' w')."""
     appearance = appearance_of(replace(SEEING, visible_from=0.0), iterations=101)
-    rule = VisibleObjective(appearance._images, 0.2, appearance)
+    rule = PerceptualObjective(appearance._images, 0.2, appearance)
     image, gradients = np.full((HEIGHT, WIDTH, 3), 0.5, np.float32), []
     for iteration in (0, 100):
         appearance._encoded(0)

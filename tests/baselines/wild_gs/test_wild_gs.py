@@ -20,8 +20,8 @@ from baselines.gaussian_splatting import GaussianSplatting
 from baselines.method import check_hidden
 from baselines.splatting.appearance.gaussians import gaussians_in_view
 from baselines.splatting.files.ply import SPLATS, read_ply
-from baselines.splatting.kernels.rasterizer import render
-from baselines.splatting.kernels.sh_coefficients import C0
+from baselines.splatting.kernels.splats.sh_coefficients import C0
+from baselines.splatting.rasterizer import render
 from baselines.splatting.strategies.pruning import contributions
 from baselines.wild_gs.config import SHORT
 from baselines.wild_gs.mean_look import mean_look

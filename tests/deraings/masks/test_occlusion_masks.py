@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import torch
 
-from baselines.training.checkpoints import read_arrays, write_arrays
 from baselines.training.images import TrainingImages
 from deraings.masks.config import MaskConfig
 from deraings.masks.maps import evidence
@@ -216,25 +215,6 @@ def test_broken_pixels_do_not_spoil_the_network():
     masks = taught(pictures, broken, lessons=3)
     assert np.isfinite(masks.mask(0, (HEIGHT, WIDTH))).all()
     assert all(np.isfinite(value).all() for value in masks.state_dict().values())
-
-
-@pytest.mark.parametrize("lessons", [0, 1, 7])
-def test_an_interruption_leaves_no_trace(tmp_path, lessons):
-    pictures, drops = drop_pictures(0)
-    loss = losses(drops)
-    whole = taught(pictures, loss, lessons=lessons)
-    whole.weights(2, (HEIGHT, WIDTH), 500)
-    write_arrays(tmp_path / "masks.safetensors", whole.state_dict(), {})
-    again = OcclusionMasks(TrainingImages(list(pictures)), 1000, 5, ALWAYS)  # whose first weights are others
-    again.load_state_dict(read_arrays(tmp_path / "masks.safetensors")[0])
-    assert again.mask(2, (HEIGHT, WIDTH)).tobytes() == whole.mask(2, (HEIGHT, WIDTH)).tobytes()
-    for i in range(lessons, 12):
-        for masks in (whole, again):
-            masks.learn(-i % len(pictures), loss[-i % len(pictures)], i)
-    expected = whole.state_dict()
-    assert {name: a.tobytes() for name, a in again.state_dict().items()} == {
-        n: a.tobytes() for n, a in expected.items()
-    }
 
 
 def test_seeds_and_other_peoples_random_numbers_and_threads():

@@ -11,10 +11,10 @@ from pretended_network import PretendedNetwork
 from splats import BACKGROUND
 
 from baselines.splatting.backends.base import GSPLAT
-from baselines.splatting.backends.transfers import fetched, sent
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.training.devices import missing_for_cuda
 from baselines.training.images import TrainingImages
+from baselines.training.torch_state import fetched, sent
 from deraings.image_planes import resized, surroundings
 from deraings.rain_model.config import RainConfig, RainfallConfig
 from deraings.rain_model.drops import DropLayer

@@ -13,12 +13,12 @@ from synthetic import capture_in
 
 from hydroviews.dataset import build as build_module
 from hydroviews.dataset.build import build
+from hydroviews.dataset.checks.verify import verify
 from hydroviews.dataset.drawing_code import drawing_code
 from hydroviews.dataset.manifest import data_hash, read_manifest, record_files, scene_files
 from hydroviews.dataset.rainy_variant import FOCAL_STEP
 from hydroviews.dataset.request import make_request, take_folder
 from hydroviews.dataset.variants import open_clean, open_variant
-from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_bytes, write_json
 from hydroviews.formats.read import read_scene

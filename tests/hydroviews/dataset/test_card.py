@@ -8,12 +8,12 @@ from synthetic import capture_in
 from hydroviews.dataset.build import build
 from hydroviews.dataset.card.card import Licence, find_licence, keep_licence
 from hydroviews.dataset.card.markdown import describe_rain
+from hydroviews.dataset.checks.verify import verify
 from hydroviews.dataset.manifest import built_scenes, read_manifest
 from hydroviews.dataset.statistics import read_statistics
-from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
-from hydroviews.formats.markdown import markdown_table
+from hydroviews.formats.tables.markdown import markdown_table
 
 
 @pytest.fixture
@@ -45,12 +45,6 @@ def test_a_licence_that_is_stated_after_the_build_is_kept(built, tmp_path):
     assert find_licence(built) == Licence("CC0-1.0", True, "the capture")
     assert "as stated by the capture: CC0-1.0" in (built / "README.md").read_text()
     assert verify(built.parent) == []
-
-
-def test_the_command_of_a_capture_with_an_odd_name_can_be_pasted(tmp_path):
-    source = tmp_path / "a yard; ls"
-    built = build(capture_in(tmp_path / "yard"), tmp_path / "data", patterns=STREAKS[:1], source=str(source))
-    assert "build 'path/to/a yard; ls' --seed 0 --patterns streak-0\n" in (built / "README.md").read_text()
 
 
 def test_the_card_says_what_the_files_say(built):

@@ -6,8 +6,8 @@ from commands import command
 from synthetic import capture_in
 
 from hydroviews.dataset.build import build
-from hydroviews.dataset.contact_sheet import spread, write_sheets
-from hydroviews.dataset.verify import verify
+from hydroviews.dataset.card.contact_sheet import spread, write_sheets
+from hydroviews.dataset.checks.verify import verify
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, write_bytes, write_json
 from hydroviews.formats.capture_json import CAPTURED

@@ -12,9 +12,9 @@ from in_the_way import KINDS, not_for_ever, swap
 from synthetic import capture_in
 
 from hydroviews.dataset.build import build
+from hydroviews.dataset.checks.verify import verify
 from hydroviews.dataset.manifest import changed_files, read_manifest, record_files, scene_files
 from hydroviews.dataset.variants import open_clean, open_variant
-from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
 from hydroviews.files import known_bytes
 from hydroviews.files.atomic import sha256, write_bytes

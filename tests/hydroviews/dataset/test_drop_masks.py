@@ -6,9 +6,9 @@ from distorted import colmap_capture
 from paired import wet
 from synthetic import capture_in
 
+from hydroviews.dataset.checks.verify import verify
 from hydroviews.dataset.manifest import data_hash, record_files
 from hydroviews.dataset.sources import build_source
-from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.formats.read import read_scene

@@ -5,8 +5,8 @@ from distorted import colmap_capture, write_model, write_photographs
 
 from hydroviews import __main__ as commands
 from hydroviews.dataset import sources
+from hydroviews.dataset.checks.verify import verify
 from hydroviews.dataset.sources import build_source, choose_images, find_capture
-from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.profiles import find_profile

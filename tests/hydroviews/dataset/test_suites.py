@@ -4,9 +4,9 @@ import pytest
 from commands import command
 from synthetic import capture_in
 
+from hydroviews.dataset.checks.verify import verify
 from hydroviews.dataset.manifest import read_manifest
 from hydroviews.dataset.suites import DEVELOPMENT, TEST, build_suite, read_suite, suite_of
-from hydroviews.dataset.verify import verify
 from hydroviews.formats.writers import write_colmap
 from hydroviews.profiles import find_profile
 

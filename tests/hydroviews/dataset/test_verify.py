@@ -7,10 +7,10 @@ import pytest
 from synthetic import capture_in
 
 from hydroviews.dataset.build import build
+from hydroviews.dataset.card.contact_sheet import write_sheets
 from hydroviews.dataset.checks.rain import expected_view
-from hydroviews.dataset.contact_sheet import write_sheets
+from hydroviews.dataset.checks.verify import verify
 from hydroviews.dataset.manifest import read_manifest, record_files, record_scene
-from hydroviews.dataset.verify import verify
 from hydroviews.files.atomic import write_bytes
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.formats.read import read_scene

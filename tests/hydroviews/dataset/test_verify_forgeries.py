@@ -10,8 +10,8 @@ from synthetic import capture_in
 from hydroviews.blender.process import NoBlender
 from hydroviews.dataset.build import build
 from hydroviews.dataset.checks import rain
+from hydroviews.dataset.checks.verify import verify
 from hydroviews.dataset.manifest import read_manifest, record_files
-from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, write_bytes, write_json
 from hydroviews.rain.layers import read_layers, write_layers

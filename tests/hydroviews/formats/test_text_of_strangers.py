@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from hydroviews.formats.csv_tables import csv_bytes, read_csv, write_csv
-from hydroviews.formats.markdown import Markup, markdown_table
+from hydroviews.formats.tables.csv_tables import csv_bytes, read_csv, write_csv
+from hydroviews.formats.tables.markdown import Markup, markdown_table
 
 RUN = ["=1+1", '=HYPERLINK("http://evil.example")', "+1", "-1+cmd|'/c calc'!A0", "@SUM(1)", "\t=1", "\n=1", "＝1+1"]  # noqa: RUF001
 PLAIN = ["3dgs+enhance", "a=b", "007", "", "O'Brien", "'quoted'", "a, b", "Müller"]

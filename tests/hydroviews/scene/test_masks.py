@@ -18,7 +18,7 @@ from hydroviews.captures.sfm.poses import estimate_poses
 from hydroviews.dataset.build import build
 from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.errors import InputError
-from hydroviews.formats.hidden_share import scene_hidden_notes
+from hydroviews.formats.mask_files.hidden_share import scene_hidden_notes
 from hydroviews.formats.read import read_scene
 from hydroviews.formats.writers import write_colmap, write_nerfstudio
 from hydroviews.rain.patterns import Pattern

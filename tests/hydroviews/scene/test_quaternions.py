@@ -4,7 +4,7 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from baselines.splatting.backends.torch_rasterizer import rotations
-from baselines.splatting.kernels.geometry import rotation, unit_quaternion
+from baselines.splatting.kernels.splats.geometry import rotation, unit_quaternion
 from hydroviews.scene.quaternions import rotation_entries, rotation_matrices
 
 QUATERNIONS = np.random.default_rng(0).normal(size=(50, 4))

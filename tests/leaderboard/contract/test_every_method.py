@@ -6,6 +6,7 @@ from dataclasses import fields, is_dataclass, replace
 import numpy as np
 import pytest
 
+from baselines.masking.uncertainty import UncertaintyConfig
 from baselines.method import METHODS, find_method
 from baselines.nimbus.config import MediumConfig
 from baselines.splatting.config import TrainerConfig
@@ -13,7 +14,6 @@ from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.training import loop
 from baselines.training.torch_state import one_thread
 from baselines.volumetric.config import VolumetricConfig
-from baselines.wild_gaussians.uncertainty import UncertaintyConfig
 from baselines.wild_gs.config import LookConfig
 from deraings.masks.config import MaskConfig
 from hydroviews.cli.plugins import registered

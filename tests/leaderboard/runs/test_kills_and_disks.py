@@ -79,7 +79,7 @@ def test_locks_and_times_are_left_out(tmp_path):
 
 @pytest.mark.skipif(not KILLS, reason="KILLS=10 kills real commands ten times each")
 def test_real_commands_go_on_where_they_were_killed(tmp_path, monkeypatch):
-    monkeypatch.setenv("PYTHONPATH", f"{REPOSITORY}{os.pathsep}{REPOSITORY / 'tests/helpers'}")
+    monkeypatch.setenv("PYTHONPATH", f"{REPOSITORY}{os.pathsep}{REPOSITORY / 'tests/helpers/processes'}")
     killing.SERVER.set_forkserver_preload(killing.IMPORTED)
     write_colmap(draw_room(fresh(tmp_path / "room") / "images"), tmp_path / "room" / MODEL)
     for stage in stages(tmp_path, PATTERNS):

@@ -14,10 +14,10 @@ from baselines.gaussian_splatting import GaussianSplatting
 from baselines.method import find_method
 from baselines.splatting.config import TrainerConfig
 from hydroviews import metrics
-from hydroviews.dataset.contact_sheet import write_sheets
+from hydroviews.dataset.card.contact_sheet import write_sheets
+from hydroviews.dataset.checks.verify import verify
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import has_ceiling, open_clean, open_variant
-from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.formats.capture_json import CAPTURED

@@ -10,10 +10,10 @@ from damage import contents, paint
 from synthetic import capture_in
 
 from hydroviews.dataset.build import build
+from hydroviews.dataset.checks.verify import verify
 from hydroviews.dataset.lending import lend
 from hydroviews.dataset.manifest import data_hash
 from hydroviews.dataset.variants import open_clean, open_variant
-from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.formats.read import read_scene

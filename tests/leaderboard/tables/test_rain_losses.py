@@ -10,8 +10,8 @@ from kept_blender import kept_blender  # noqa: F401
 from synthetic import capture_in
 
 from hydroviews.dataset.build import build
+from hydroviews.dataset.checks.verify import verify
 from hydroviews.dataset.manifest import data_hash
-from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
 from hydroviews.formats.read import read_scene

@@ -8,7 +8,7 @@ from compressed_ply import read_compressed_ply
 from finished_runs import finished_run
 
 from baselines.splatting.files.ply import read_ply
-from baselines.splatting.kernels.rasterizer import render
+from baselines.splatting.rasterizer import render
 from hydroviews.errors import InputError
 from hydroviews.metrics import psnr
 from leaderboard.viewer.export import export

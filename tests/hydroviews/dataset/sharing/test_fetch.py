@@ -8,12 +8,12 @@ from shared_data_set import built_in
 
 from hydroviews.captures.download import archives
 from hydroviews.captures.download.archives import BadArchive
+from hydroviews.dataset.checks.verify import verify
 from hydroviews.dataset.manifest import data_hash, forget_scene, read_manifest
 from hydroviews.dataset.sharing import archive as archive_module
 from hydroviews.dataset.sharing.fetch import fetch
 from hydroviews.dataset.sharing.pack import pack
 from hydroviews.dataset.variants import open_clean, open_variant
-from hydroviews.dataset.verify import verify
 from hydroviews.errors import InputError
 from hydroviews.files import http_download
 from hydroviews.files.ownership import LISTS, left_by_others
@@ -181,17 +181,6 @@ def test_a_disk_that_fills_up_on_the_way(shared, tmp_path, monkeypatch):
     assert verify(tmp_path / "data") == []
 
 
-@pytest.mark.parametrize("ranges", [True, False])
-def test_from_a_server_that_hangs_up(shared, tmp_path, ranges):
-    """The same data set, whether the server can go on where it stopped or sends all of it again."""
-    content = shared.streaks.read_bytes()
-    with serving({"/a.zip": content}, ranges=ranges, cut_after=[len(content) // 3]) as server:
-        fetch(f"{server.address}/a.zip", tmp_path / "data")
-        assert [wanted for _, wanted in server.asked] == [None, f"bytes={len(content) // 3}-"]
-    assert verify(tmp_path / "data") == []
-    assert not list((tmp_path / "data").glob(".partial-fetched-*"))
-
-
 def test_a_later_call_goes_on_with_a_download(shared, tmp_path, monkeypatch):
     content = shared.streaks.read_bytes()
     with serving({"/a.zip": content}, cut_after=[50_000, 0, 0, 0]) as server:
@@ -201,20 +190,6 @@ def test_a_later_call_goes_on_with_a_download(shared, tmp_path, monkeypatch):
         server.cut_after.clear()
         fetch(f"{server.address}/a.zip", tmp_path / "data")
         assert server.asked == [("/a.zip", "bytes=50000-")]
-    assert verify(tmp_path / "data") == []
-
-
-@pytest.mark.parametrize("tag", ['"two"', None])
-def test_a_server_that_has_another_file_by_now(shared, tmp_path, tag):
-    """It is noticed by its tag, or by its size, and fetched as a whole."""
-    first, second = shared.paths["storm-1"].read_bytes(), shared.streaks.read_bytes()
-    with serving({"/a.zip": first}, cut_after=[50_000, 0, 0, 0], tag='"one"' if tag else None) as server:
-        with pytest.raises(InputError, match="no server delivers it"):
-            fetch(f"{server.address}/a.zip", tmp_path / "data")
-        server.cut_after.clear()
-        server.files["/a.zip"], server.tag = second, tag
-        fetch(f"{server.address}/a.zip", tmp_path / "data")
-    assert read_manifest(tmp_path / "data")["scenes"]["yard"]["patterns"] == ["streak-1"]
     assert verify(tmp_path / "data") == []
 
 
@@ -255,10 +230,3 @@ def test_layers_alone_need_the_capture(tmp_path):
     with pytest.raises(InputError, match=r"leaves out .* files that are not here either(.|\n)*--patterns streak-1"):
         fetch(str(path), tmp_path / "empty")
     assert visible(tmp_path / "empty") == []
-
-
-def test_the_command_that_builds_a_capture_with_an_odd_name_can_be_pasted(tmp_path):
-    built = built_in(tmp_path, says=None, patterns=("streak-1",), name="a yard; ls")
-    [(path, _)] = pack(built, tmp_path / "out", layers_only=True)
-    with pytest.raises(InputError, match=r"build './a yard; ls' --long-side \d+ --seed 0 --patterns streak-1"):
-        fetch(str(path), tmp_path / "empty")

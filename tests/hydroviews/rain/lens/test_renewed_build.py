@@ -8,7 +8,7 @@ from synthetic import capture_in
 
 from hydroviews.dataset import rainy_variant
 from hydroviews.dataset.build import build
-from hydroviews.dataset.verify import verify
+from hydroviews.dataset.checks.verify import verify
 from hydroviews.rain.registry import parse_pattern
 from hydroviews.scene.images import read_image, write_png
 from hydroviews.scene.scenes import make_scene

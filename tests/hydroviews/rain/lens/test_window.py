@@ -9,7 +9,7 @@ import pytest
 from synthetic import capture_in
 
 from hydroviews.dataset.build import build
-from hydroviews.dataset.verify import verify
+from hydroviews.dataset.checks.verify import verify
 from hydroviews.rain.effect import fall
 from hydroviews.rain.lens.optics import bake as lens_bake
 from hydroviews.rain.lens.optics.path_matte import PathMatte, dry

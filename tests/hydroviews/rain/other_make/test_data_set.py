@@ -5,10 +5,10 @@ import pytest
 from synthetic import capture_in
 
 from hydroviews.dataset.build import build
-from hydroviews.dataset.contact_sheet import write_sheets
+from hydroviews.dataset.card.contact_sheet import write_sheets
+from hydroviews.dataset.checks.verify import verify
 from hydroviews.dataset.manifest import record_files, scene_files
 from hydroviews.dataset.statistics import read_statistics
-from hydroviews.dataset.verify import verify
 from hydroviews.rain.layers import read_layers, write_layers
 from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.registry import choose_patterns, find_effect

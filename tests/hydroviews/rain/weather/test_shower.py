@@ -6,9 +6,9 @@ from scipy.sparse import csr_array
 from synthetic import capture_in
 
 from hydroviews.dataset.build import build
-from hydroviews.dataset.contact_sheet import write_sheets
+from hydroviews.dataset.card.contact_sheet import write_sheets
+from hydroviews.dataset.checks.verify import verify
 from hydroviews.dataset.statistics import read_statistics
-from hydroviews.dataset.verify import verify
 from hydroviews.rain.compositing import WATER, LayerPlane
 from hydroviews.rain.effect import fall
 from hydroviews.rain.lens.optics.path_matte import PathMatte

@@ -1,0 +1,1 @@
+"""Captures taken twice, in rain and clean."""

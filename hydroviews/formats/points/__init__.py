@@ -1,0 +1,1 @@
+"""Point clouds: PLY files, and points that a cloud has several times."""

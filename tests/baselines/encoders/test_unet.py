@@ -1,0 +1,80 @@
+"""The U-Net: shapes for any picture, masks that begin open, weights of ResNet-18 by name."""
+
+import numpy as np
+import pytest
+import torch
+from safetensors.torch import save_file
+
+from baselines.encoders.resnet_weights import load_resnet
+from baselines.encoders.unet import VISIBLE_AT_FIRST, ResNet18
+from baselines.gs_w.appearance import ReferenceAppearance
+from baselines.gs_w.config import SHORT
+from baselines.gs_w.encoder import ReferenceEncoder
+from baselines.training.images import TrainingImages
+from hydroviews.errors import InputError
+
+
+def encoder(backbone, outputs=12):
+    torch.manual_seed(0)
+    return ReferenceEncoder(backbone, outputs)
+
+
+@pytest.mark.parametrize(("backbone", "finest"), [("small", 4), ("resnet18", 2)])
+def test_maps_and_mask_have_their_resolution_and_every_weight_learns(backbone, finest):
+    net = encoder(backbone)
+    picture = torch.rand(1, 3, net.multiple * 2, net.multiple * 3, generator=torch.Generator().manual_seed(0)) - 0.5
+    descent = torch.optim.SGD(net.parameters(), 1e-3)
+    for _ in range(3):  # blocks and masks begin with zeros that let nothing through at first
+        maps, visible = net(picture)
+        descent.zero_grad()
+        (maps.square().mean() + (visible * picture[0, 0, ::4, ::4]).mean()).backward()
+        descent.step()
+    assert maps.shape == (12, net.multiple * 2 // finest, net.multiple * 3 // finest)
+    assert visible.shape == (net.multiple // 2, net.multiple * 3 // 4)
+    assert [name for name, p in net.named_parameters() if p.grad is None or not p.grad.abs().sum() > 0] == []
+
+
+def test_everything_is_seen_at_first():
+    _, visible = encoder("small")(torch.rand(1, 3, 32, 32) - 0.5)
+    assert torch.allclose(visible, torch.tensor(VISIBLE_AT_FIRST))
+
+
+@pytest.mark.parametrize(("height", "width"), [(37, 51), (5, 90), (1, 1), (48, 64)])
+def test_pictures_of_any_size_and_of_one_colour_are_encoded(height, width):
+    for pixels in (np.zeros((height, width, 3), np.uint8), np.full((height, width, 3), 255, np.uint8)):
+        appearance = ReferenceAppearance(TrainingImages([pixels]), SHORT, 1, 10, 0)
+        maps, visible = appearance.encode(0)
+        assert maps.shape[0] == SHORT.dynamic
+        assert torch.isfinite(maps).all()
+        assert torch.isfinite(visible).all()
+
+
+def test_the_resnet_has_the_layers_of_resnet_18():
+    state = ResNet18().state_dict()
+    assert sum(len(v.flatten()) for k, v in state.items() if "running" not in k) == 11_176_512  # without fc
+    assert state["layer2.0.downsample.1.running_var"].shape == (128,)
+    assert state["layer4.1.conv2.weight"].shape == (512, 512, 3, 3)
+
+
+@pytest.mark.parametrize("suffix", ["safetensors", "pth"])
+def test_weights_are_taken_over_by_name(tmp_path, suffix):
+    torch.manual_seed(3)
+    weights = {name: torch.rand_like(value) for name, value in ResNet18().state_dict().items()}
+    path = tmp_path / f"resnet18.{suffix}"
+    more = {**weights, "fc.weight": torch.zeros(2, 512), "bn1.num_batches_tracked": torch.tensor(1)}
+    save_file(more, path) if suffix == "safetensors" else torch.save(more, path)
+    net = encoder("resnet18")
+    load_resnet(net.backbone, path)
+    assert all(torch.equal(value, weights[name]) for name, value in net.backbone.state_dict().items())
+
+
+def test_what_is_no_resnet_is_refused(tmp_path):
+    net, path = encoder("resnet18"), tmp_path / "weights.safetensors"
+    with pytest.raises(InputError, match="no such file"):
+        load_resnet(net.backbone, path)
+    save_file({"conv1.weight": torch.zeros(3)}, path)
+    with pytest.raises(InputError, match="not weights of ResNet-18"):
+        load_resnet(net.backbone, path)
+    (tmp_path / "weights.pth").write_bytes(b"no zip at all")
+    with pytest.raises(InputError, match="not weights of ResNet-18"):
+        load_resnet(net.backbone, tmp_path / "weights.pth")

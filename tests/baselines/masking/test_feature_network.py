@@ -1,0 +1,124 @@
+import weakref
+
+import numpy as np
+import pytest
+import torch
+
+from baselines.encoders.frozen import frozen
+from baselines.masking.feature_network import MaskNetwork, MaskNetworkConfig, averaged, encoded_places, hinge
+from baselines.training.images import TrainingImages
+
+CONFIG = MaskNetworkConfig("vgg", rate=2e-2)
+
+
+def blocks(image):
+    """Mean colours of 8x8 pixels, and a constant."""
+    planes = torch.from_numpy(np.ascontiguousarray(image, np.float32)).permute(2, 0, 1)
+    mean = torch.nn.functional.avg_pool2d(planes, 8)
+    return torch.cat([mean, torch.full_like(mean[:1], 0.7)])
+
+
+def photographs(n=4):
+    """Noise, in the left upper quarter of every other one a red square."""
+    pixels = np.random.default_rng(0).integers(60, 120, (n, 32, 48, 3)).astype(np.uint8)
+    pixels[::2, :16, :24] = (250, 10, 10)
+    return TrainingImages(list(pixels))
+
+
+def test_the_loss_is_zero_between_the_masks_and_pulls_p_there_from_outside():
+    p = torch.linspace(0, 1, 11, dtype=torch.float64, requires_grad=True)
+    for lower, upper in ((0.0, 1.0), (1.0, 1.0), (0.0, 0.0), (0.25, 0.75)):
+        loss = hinge(p, torch.tensor(lower), torch.tensor(upper))
+        expected = [max(v - upper, 0) + max(lower - v, 0) for v in p.tolist()]
+        assert np.allclose(loss.detach(), expected, atol=1e-15)
+    (gradient,) = torch.autograd.grad(hinge(p, torch.tensor(0.25), torch.tensor(0.75)).sum(), p)
+    assert gradient.tolist() == [-1] * 3 + [0] * 5 + [1] * 3
+
+
+def test_places_are_encoded_by_octaves_of_both_axes():
+    encoded = encoded_places(3, 5, 4).double().numpy()
+    assert encoded.shape == (15, 16)
+    y, x = 1 / 2, 3 / 4
+    row = encoded[1 * 5 + 3]
+    octaves = 2.0 ** np.arange(4)
+    expected = np.concatenate([np.sin(y * octaves), np.sin(x * octaves), np.cos(y * octaves), np.cos(x * octaves)])
+    assert np.allclose(row, expected, atol=1e-6)
+    assert torch.isfinite(encoded_places(1, 1, 20)).all()
+
+
+def test_features_of_both_precisions_are_never_there_of_all_pictures(monkeypatch):
+    alive, half = [], torch.Tensor.half
+
+    def counted(tensor):
+        alive.append(sum(seen() is not None for seen in whole))
+        return half(tensor)
+
+    def features(image):
+        seen = blocks(image)
+        whole.append(weakref.ref(seen))
+        return seen
+
+    whole = []
+    monkeypatch.setattr(torch.Tensor, "half", counted)
+    MaskNetwork(photographs(4), features, CONFIG, 0)
+    assert alive == [4, 3, 2, 1]
+
+
+@pytest.mark.parametrize("level", [0, 128, 255])
+def test_pictures_of_one_colour_have_features_that_say_nothing_and_p_stays_finite(level):
+    images = TrainingImages([np.full((40, 40, 3), level, np.uint8)] * 2)
+    network = MaskNetwork(images, frozen("vgg", "cpu"), MaskNetworkConfig("vgg", octaves=0), 0)
+    inlier = np.ones((40, 40), bool)
+    for _ in range(5):
+        p = network.learn(0, inlier, inlier)
+    assert np.isfinite(p).all()
+    assert np.ptp(p) < 0.5  # what is left of the features is the picture's border
+    assert all(np.isfinite(value).all() for value in network.state_dict().values())
+
+
+def test_what_looks_like_outliers_is_left_out_where_residuals_say_nothing():
+    """Learned from views 0 and 1 alone; view 2 has a square as view 0 has."""
+    images = photographs()
+    network = MaskNetwork(images, blocks, CONFIG, 0)
+    square = np.zeros((32, 48), bool)
+    square[:16, :24] = True
+    nothing, everything = np.zeros_like(square), np.ones_like(square)
+    for iteration in range(150):
+        inlier = ~square if iteration % 2 == 0 else everything
+        network.learn(iteration % 2, inlier, inlier)
+    p = network.learn(2, nothing, everything)  # L and U that any p is between
+    assert p[4:12, 4:20].max() < 0.3
+    assert p[24:, 30:].min() > 0.7
+
+
+def test_nothing_is_learned_from_what_is_hidden():
+    images = photographs()
+    ignored = np.zeros((32, 48), bool)
+    ignored[:16] = True
+    states = []
+    for hidden_inlier in (True, False):
+        network, inlier = MaskNetwork(images, blocks, CONFIG, 0), np.ones((32, 48), bool)
+        inlier[:16] = hidden_inlier
+        network.learn(0, inlier, inlier, ignored)
+        states.append(network.state_dict())
+    assert all(np.array_equal(value, states[1][name]) for name, value in states[0].items())
+
+
+def test_p_has_the_size_of_the_masks_and_a_state_restores_it():
+    network = MaskNetwork(photographs(), blocks, CONFIG, 0, extra=1)
+    inlier, plane = np.ones((16, 24), bool), np.full((4, 6), 0.5, np.float32)
+    first = network.learn(1, ~inlier, ~inlier, extra=[plane])
+    assert first.shape == (16, 24)
+    again = MaskNetwork(photographs(), blocks, CONFIG, 5, extra=1)
+    again.load_state_dict(network.state_dict())
+    one, other = (net.learn(1, inlier, inlier, extra=[plane]) for net in (network, again))
+    assert np.array_equal(one, other)
+    assert not np.array_equal(one, first)
+    prior = MaskNetwork(photographs(), blocks, MaskNetworkConfig("vgg", prior=0.9), 0)
+    assert prior.learn(0, inlier, inlier).mean() == pytest.approx(0.9, abs=0.06)
+
+
+def test_shares_under_positions_are_averages():
+    plane = np.zeros((8, 8), bool)
+    plane[:2] = True
+    assert np.allclose(averaged(plane, (2, 2)), [[0.5, 0.5], [0, 0]])

@@ -1,0 +1,126 @@
+import logging
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from baselines.distractors.robust_filter import RobustFilterConfig
+from baselines.masking.trimmed import RECENT, TrimConfig, TrimmedPixels, faded
+from baselines.splatting.config import TrainerConfig
+from baselines.splatting.kernels.buffer_pool import BufferPool
+from baselines.splatting.objective import Objective
+from baselines.splatting.strategies.densification import DefaultStrategy
+from baselines.training.images import TrainingImages
+
+STEADY = DefaultStrategy(start=1000, stop=1001, reset_every=None)
+SPLATTING = TrainerConfig(iterations=400, sh_degree=0, strategy=STEADY, device="cpu")
+
+
+class Greedy(TrimmedPixels):
+    """Takes nothing for the scene's."""
+
+    def probability(self, residuals, view, ignored):
+        return np.zeros_like(residuals)
+
+
+class AllThatIsShown(TrimmedPixels):
+    def probability(self, residuals, view, ignored):
+        return np.ones_like(residuals) if ignored is None else (~ignored).astype(np.float32)
+
+
+def objective(kind, images, config=RobustFilterConfig(SPLATTING)):  # noqa: B008 (frozen)
+    splatting = config.splatting
+    return Objective(images, splatting.lambda_dssim, pixel_weights=kind(images, config.trim, splatting, 0))
+
+
+def random(seed, *shape):
+    return np.random.default_rng(seed).random(shape).astype(np.float32)
+
+
+def test_masks_fade_in_by_their_closed_form():
+    """After t of T steps a pixel that is no outlier counts, and one that is with probability exp(-60 t / T)."""
+    assert faded(0, 1 / 60) == 1
+    assert faded(2000 / 30_000, 1 / 60) == pytest.approx(np.exp(-3e-3 * 2000 / 1.5))  # the authors' at step 2,000
+    images = TrainingImages([np.zeros((60, 80, 3), np.uint8)])
+
+    def weights(kind, iteration):
+        return objective(kind, images).weights(lambda: random(0, 60, 80, 3), 0, (60, 80), iteration, BufferPool())
+
+    share = np.mean([weights(Greedy, iteration).mean() for iteration in range(40)])
+    assert share == pytest.approx(np.mean(np.exp(-60 * np.arange(40) / 400)), abs=0.005)
+    assert not weights(Greedy, 399).any()
+    assert all(weights(AllThatIsShown, iteration).all() for iteration in (0, 5, 399))
+
+
+def test_the_loss_is_that_of_the_inliers_and_the_same_as_ever_where_all_are():
+    images = TrainingImages([np.full((24, 32, 3), 102, np.uint8)])
+    config = RobustFilterConfig(replace(SPLATTING, lambda_dssim=0.0), TrimConfig(fade_in=1e-6))
+    image = np.full((24, 32, 3), 0.4105, np.float32)
+    image[8:16, 8:16] = 0.9
+    loss, gradient = objective(TrimmedPixels, images, config)(image, 0, 100, BufferPool())
+    assert not gradient[9:15, 9:15].any()
+    assert gradient[:7].all()
+    corners = 4  # of the square, whose neighbours outvote them
+    assert loss == pytest.approx((0.0105 * (24 * 32 - 64) + 0.5 * corners) / (24 * 32), rel=1e-4)
+    everything = replace(config, trim=replace(config.trim, inlier_share=1.0))
+    ours = objective(TrimmedPixels, images, everything)(image, 0, 100, BufferPool())
+    usual = Objective(images, 0.0)(image, 0, 100, BufferPool())
+    assert ours[0] == usual[0]
+    assert np.array_equal(ours[1], usual[1])
+
+
+def test_percentiles_stay_once_growth_has_stopped():
+    images = TrainingImages([np.zeros((24, 32, 3), np.uint8)])
+    config = RobustFilterConfig(replace(SPLATTING, strategy=replace(STEADY, stop=10)))
+    rule = objective(TrimmedPixels, images, config)
+    rule(np.full((24, 32, 3), 0.5, np.float32), 0, 9, BufferPool())
+    rule(np.full((24, 32, 3), 0.1, np.float32), 0, 10, BufferPool())
+    assert rule.pixel_weights.histogram.counts.sum() == 24 * 32
+
+
+def test_what_is_hidden_moves_neither_percentiles_nor_the_share_of_pixels_that_count():
+    images = TrainingImages([np.full((24, 32, 3), 200, np.uint8)], [np.indices((24, 32))[1] < 16])
+    rule = objective(AllThatIsShown, images, RobustFilterConfig(SPLATTING, TrimConfig(fade_in=1e-6)))
+    rule(random(0, 24, 32, 3), 0, 9, BufferPool())
+    assert rule.pixel_weights.histogram.counts.sum() == 24 * 16
+    assert rule.report() == {"pixels": "100%"}
+
+
+def test_hidden_neighbours_make_no_pixel_an_outlier():
+    hidden = np.zeros((3, 3), bool)
+    hidden[2], hidden[1, 0] = True, True
+    images = TrainingImages([np.zeros((3, 3, 3), np.uint8)], [hidden])
+    weights = TrimmedPixels(images, TrimConfig(), SPLATTING, 0)
+    weights.histogram.observe(np.zeros((3, 3), np.float32))
+    residuals = np.array([[0, 0, 0], [1, 1, 1], [1, 1, 1]], np.float32)
+    assert weights.predicted(residuals, 0, hidden)[1, 1] == 1  # three of the five that are shown are inliers
+
+
+def test_a_mask_that_eats_everything_is_given_up_with_a_warning(caplog):
+    images = TrainingImages([np.full((24, 32, 3), 200, np.uint8)])
+    config = RobustFilterConfig(SPLATTING, TrimConfig(fade_in=1e-6))
+    rule, image = objective(Greedy, images, config), random(0, 24, 32, 3)
+    with caplog.at_level(logging.WARNING):
+        for iteration in range(RECENT):
+            assert not rule.pixel_weights.given_up
+            rule(image, 0, iteration, BufferPool())
+    assert "masks leave 2.0 % of the pixels" in caplog.text  # those of the first step, before masks fade in
+    usual = Objective(images)(image, 0, RECENT, BufferPool())
+    assert rule(image, 0, RECENT, BufferPool())[0] == usual[0]
+    assert rule.report() == {"pixels": "all, masks given up"}
+    again = objective(Greedy, images, config)
+    again.load_state_dict(rule.state_dict())
+    assert again.report() == rule.report()
+    assert caplog.text.count("masks leave") == 1
+
+
+def test_a_step_with_all_pixels_masked_or_hidden_is_finite():
+    pixels = np.full((24, 32, 3), 200, np.uint8)
+    config = RobustFilterConfig(SPLATTING, TrimConfig(fade_in=1e-6))
+    loss, gradient = objective(Greedy, TrainingImages([pixels]), config)(random(0, 24, 32, 3), 0, 9, BufferPool())
+    assert loss == 0
+    assert not gradient.any()
+    hidden = TrainingImages([pixels], [np.ones((24, 32), bool)])
+    loss, gradient = objective(TrimmedPixels, hidden, config)(random(0, 24, 32, 3), 0, 9, BufferPool())
+    assert loss == 0
+    assert not gradient.any()

@@ -1,0 +1,176 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from baselines.encoders.frozen import AlexNet
+from baselines.masking.uncertainty import Uncertainty, UncertaintyConfig, counted, uncertainty_loss, warmed
+from baselines.splatting.strategies.densification import DefaultStrategy
+from baselines.splatting.strategies.relocation import MCMCStrategy
+from baselines.training.images import TrainingImages
+
+CONFIG = UncertaintyConfig(start=10, warm_up=20, rate=0.05)
+GROWTH = DefaultStrategy(stop=100, reset_every=None)
+
+
+class Colours:
+    """Blocks of 8x8 pixels: their mean colour, and one minus it."""
+
+    name, alike, unlike = "colours", 0.0, 0.5
+
+    def __call__(self, image):
+        blocks = torch.from_numpy(np.ascontiguousarray(image, np.float32)).permute(2, 0, 1)
+        mean = torch.nn.functional.avg_pool2d(blocks, 8)
+        return torch.cat([mean, 1 - mean])
+
+
+def photographs(n=4, seed=0):
+    """Noise, in the left upper quarter of every other one a red square."""
+    pixels = np.random.default_rng(seed).integers(60, 120, (n, 32, 48, 3)).astype(np.uint8)
+    pixels[::2, :16, :24] = (250, 10, 10)
+    return TrainingImages(list(pixels))
+
+
+def model(images=None, config=CONFIG, growth=GROWTH, features=None, seed=0):
+    return Uncertainty(images or photographs(), features or Colours(), config, growth, seed)
+
+
+@pytest.mark.parametrize("d", [0.02, 0.2, 0.24, 0.26, 0.8])
+def test_the_loss_is_smallest_where_its_closed_form_says(d):
+    u = torch.linspace(0.1, 2, 19_001, dtype=torch.float64)
+    best = u[uncertainty_loss(torch.tensor(d), u, 0.5).argmin()]
+    assert best == pytest.approx(max(0.1, (d / 0.5) ** 0.5), abs=2e-4)
+    assert counted(best.numpy()) == (d < 0.25)
+    assert uncertainty_loss(torch.tensor(0.5), torch.tensor(2.0), 0.5) == pytest.approx(0.0625 + 0.5 * np.log(2))
+
+
+def test_weights_turn_from_one_to_those_predicted():
+    assert [warmed(i, CONFIG) for i in (0, 10, 15, 30, 99)] == [0, 0, 0.25, 1, 1]
+    assert warmed(11, replace(CONFIG, warm_up=0)) == 1
+    taught = model()
+    with torch.no_grad():
+        taught.head.bias.fill_(5.0)  # everything is uncertain
+    assert taught.weights(0, (32, 48), 10) is None
+    assert np.allclose(taught.weights(0, (32, 48), 15), 0.75)
+    assert not taught.weights(0, (16, 24), 30).any()
+    with torch.no_grad():
+        taught.head.bias.fill_(-9.0)
+    assert taught.weights(0, (32, 48), 30).min() == 1
+    assert taught.uncertainty(0, (32, 48)).min() == np.float32(CONFIG.least)
+    assert np.allclose(model().uncertainty(1, (32, 48)), 1, atol=0.1)  # as training starts
+
+
+def test_what_no_render_shows_becomes_uncertain_and_nothing_else():
+    images = photographs()
+    taught = model(images)
+    for iteration in range(200):
+        view = iteration % 4
+        render = images.pixels(view | 1) / np.float32(255)  # the noise of another picture, never a square
+        taught.learn(render, view, iteration)
+    for view in range(4):
+        weights = taught.weights(view, (32, 48), 1000)
+        assert weights[:, 28:].min() == 1
+        assert weights[20:].min() == 1
+        assert weights[2:12, 2:20].mean() == (view % 2)
+
+
+def test_lessons_wait_after_opacities_were_reset():
+    growth = DefaultStrategy(reset_every=50, stop=120)
+    taught = model(config=replace(CONFIG, protected=10), growth=growth)
+    protected = [i for i in range(300) if taught.is_protected(i)]
+    assert protected == [*range(50, 60), *range(100, 110)]
+    before = taught.state_dict()
+    taught.learn(np.zeros((32, 48, 3), np.float32), 0, 55)
+    assert all(np.array_equal(value, before[name]) for name, value in taught.state_dict().items())
+    taught.learn(np.zeros((32, 48, 3), np.float32), 0, 60)
+    assert not np.array_equal(taught.state_dict()["network.weight"], before["network.weight"])
+    assert not any(model(growth=MCMCStrategy()).is_protected(i) for i in range(300))
+
+
+def test_lessons_come_as_often_as_configured():
+    taught = model(config=replace(CONFIG, every=3))
+    before = taught.state_dict()["network.weight"]
+    taught.learn(np.zeros((32, 48, 3), np.float32), 0, 1)
+    assert np.array_equal(taught.state_dict()["network.weight"], before)
+    taught.learn(np.zeros((32, 48, 3), np.float32), 0, 3)
+    assert not np.array_equal(taught.state_dict()["network.weight"], before)
+
+
+def test_dropout_is_of_the_seed_and_the_iteration():
+    def lesson(seed, iteration, restored=None):
+        taught = model(seed=seed)
+        if restored:
+            taught.load_state_dict(restored)
+        taught.learn(np.full((32, 48, 3), 0.3, np.float32), 0, iteration)
+        return taught.state_dict()
+
+    one, same = lesson(0, 7), lesson(0, 7)
+    assert all(np.array_equal(value, same[name]) for name, value in one.items())
+    assert not np.array_equal(one["exp_avg.weight"], lesson(0, 8)["exp_avg.weight"])
+    assert not np.array_equal(one["exp_avg.weight"], lesson(1, 7)["exp_avg.weight"])
+    again, third = lesson(0, 8, one), lesson(3, 8, one)
+    assert again["step.weight"] == 2
+    assert not np.array_equal(again["network.weight"], third["network.weight"])  # another seed's dropout
+    assert ((model()._dropped(5) == 0) | (model()._dropped(5) == 2)).all()
+
+
+@pytest.mark.parametrize("level", [0, 128, 255])
+def test_constant_pictures_and_equal_renders_stay_finite(level):
+    images = TrainingImages([np.full((40, 40, 3), level, np.uint8)] * 2)
+    taught = model(images, features=AlexNet("cpu"))
+    for iteration in range(5):
+        taught.learn(images.pixels(0) / np.float32(255), 0, iteration)
+    assert all(np.isfinite(value).all() for value in taught.state_dict().values())
+    assert not taught.unlike(images.pixels(0) / np.float32(255), 0).any()
+    assert np.isfinite(taught.uncertainty(0, (40, 40))).all()
+
+
+def test_nothing_is_learnt_from_what_is_hidden():
+    pixels = [image.copy() for image in (photographs().pixels(i) for i in range(4))]
+    mask = np.zeros((32, 48), bool)
+    mask[:16, :24] = True
+    taught, other = (model(TrainingImages(pixels, [mask] * 4)) for _ in range(2))
+    render = pixels[1] / np.float32(255)
+    changed = np.where(mask[..., None], np.float32(np.nan), render)
+    taught.learn(render, 0, 0)
+    other.learn(changed, 0, 0)
+    assert all(np.array_equal(value, other.state_dict()[name]) for name, value in taught.state_dict().items())
+    assert np.isfinite(taught.state_dict()["network.weight"]).all()
+
+
+def test_a_view_that_is_wholly_hidden_teaches_nothing():
+    """Black beside black would be alike, and certain."""
+    images = photographs()
+    taught = model(TrainingImages([images.pixels(i) for i in range(4)], [np.ones((32, 48), bool), None, None, None]))
+    before = taught.uncertainty(1, (32, 48))
+    taught.learn(images.pixels(1) / np.float32(255), 0, 0)
+    assert np.array_equal(taught.uncertainty(1, (32, 48)), before)
+
+
+def test_small_renders_are_compared_at_the_size_of_the_photograph():
+    images = photographs()
+    taught = model(images)
+    assert taught.unlike(images.pixels(0)[::2, ::2] / np.float32(255), 0).shape == (4, 6)
+
+
+def test_features_of_all_pictures_are_not_gathered_a_second_time_for_their_statistics(monkeypatch):
+    random = torch.Generator().manual_seed(0)
+    made = [3 + 2 * torch.randn(384, *size, generator=random) for size in [(9, 7), (7, 9), (9, 7)]]
+    everywhere, gathered, cat = torch.cat([seen.flatten(1) for seen in made], dim=1), [], torch.cat
+
+    def noted(tensors, dim=0):
+        gathered.append(sum(tensor.numel() for tensor in tensors))
+        return cat(tensors, dim)
+
+    monkeypatch.setattr(torch, "cat", noted)
+    given = iter(made)
+    taught = model(photographs(3), features=lambda _: next(given))
+    assert max(gathered) < everywhere.numel() / 10
+    assert torch.equal(taught._mean[:, 0, 0], everywhere.mean(dim=1))
+    assert torch.equal(taught._factor[:, 0, 0], 1 / everywhere.std(dim=1))
+
+
+def test_the_features_are_recorded():
+    reports = [model(features=network).report() for network in (Colours(), AlexNet("cpu"))]
+    assert reports == [{"uncertainty": "colours"}, {"uncertainty": "alexnet"}]

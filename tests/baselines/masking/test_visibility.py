@@ -1,0 +1,141 @@
+"""The visibility mask: where it leads, what it may not do, and what the whole loss is."""
+
+import numpy as np
+import pytest
+import torch
+
+from baselines.encoders.objective import PerceptualObjective, perceptual_loss
+from baselines.gs_w.appearance import ReferenceAppearance
+from baselines.gs_w.config import SHORT, ReferenceConfig
+from baselines.masking.visibility import learn_visibility, visibility_loss
+from baselines.splatting.kernels.buffer_pool import BufferPool
+from baselines.splatting.kernels.loss_map import loss_map
+from baselines.splatting.kernels.photometric import photometric_loss
+from baselines.training.images import TrainingImages
+
+ALWAYS = ReferenceConfig(**{**vars(SHORT), "visible_from": 0.0, "rate_maps": 5e-3})
+HEIGHT, WIDTH = 46, 70  # no multiples of what the network works at
+
+
+def pictures(count=4, seed=0):
+    return np.random.default_rng(seed).integers(40, 120, (count, HEIGHT, WIDTH, 3)).astype(np.uint8)
+
+
+def objective(pixels, config=ALWAYS, iterations=100, ignored=()):
+    images = TrainingImages(list(pixels), ignored)
+    return PerceptualObjective(images, 0.2, ReferenceAppearance(images, config, 1, iterations, 0))
+
+
+def taught(rule, renders, steps=80):
+    """The masks after so many steps of the encoder, with renders that stay as they are."""
+    for i in range(steps):
+        view = i % len(renders)
+        rule.appearance._encoded(view)
+        rule(renders[view], view, i, BufferPool())
+        rule.appearance.learn(i)
+    with torch.no_grad():
+        return torch.stack([rule.appearance.encode(view)[1] for view in range(len(renders))]).numpy()
+
+
+@pytest.mark.parametrize("price", [0.15, 0.5])
+def test_a_free_mask_ends_at_the_closed_form(price):
+    losses = torch.rand(12, 16, generator=torch.Generator().manual_seed(0)) * 0.5
+    logits = torch.zeros(12, 16, requires_grad=True)
+    adam = torch.optim.Adam([logits], 0.15)
+    for _ in range(300):
+        adam.zero_grad()
+        visibility_loss(torch.sigmoid(logits), losses, price)[0].backward()
+        adam.step()
+    assert (torch.sigmoid(logits) - (1 - losses / (2 * price)).clamp(0, 1)).abs().max() < 0.02
+
+
+def test_the_gradient_is_that_of_the_weighed_loss():
+    visible = torch.rand(5, 7, dtype=torch.float64, generator=torch.Generator().manual_seed(0)).requires_grad_()
+    losses = np.random.default_rng(1).random((20, 27)).astype(np.float32)
+    whole = learn_visibility(visible, losses, 0.15)
+    assert whole.shape == losses.shape
+    for row, column in ((0, 0), (2, 3), (4, 6)):
+        step = torch.zeros(5, 7, dtype=torch.float64)
+        step[row, column] = 1e-6
+        wanted = torch.from_numpy(losses).double()
+        ends = [visibility_loss(visible.detach() + s * step, wanted, 0.15)[0].item() for s in (1, -1)]
+        assert visible.grad[row, column].item() == pytest.approx((ends[0] - ends[1]) / 2e-6, rel=1e-5)
+
+
+def test_renders_are_compared_under_the_mask_once_it_has_begun():
+    pixels = pictures()
+    rule = objective(pixels, ReferenceConfig(**{**vars(ALWAYS), "visible_from": 0.5}))
+    image = np.random.default_rng(2).random((HEIGHT, WIDTH, 3), np.float32)
+    target = rule.target(1)
+    rule.appearance._encoded(1)
+    assert rule(image, 1, 49, BufferPool())[0] == photometric_loss(image, target)[0]
+    assert rule.appearance.visible.grad is None
+    loss, gradient = rule(image, 1, 50, BufferPool())
+    weights = np.full((HEIGHT, WIDTH), 0.98, np.float32)
+    expected, by_image = photometric_loss(image, target, weights=weights)
+    assert loss == pytest.approx(expected, rel=1e-5)
+    assert np.allclose(gradient, by_image, rtol=1e-4, atol=1e-9)
+    assert rule.appearance.visible.grad.abs().sum() > 0
+
+
+def test_the_mask_finds_what_is_not_of_the_scene_and_leaves_the_rest():
+    pixels, renders = pictures(), []
+    hidden = np.zeros((4, HEIGHT, WIDTH), bool)
+    for view, (top, left) in enumerate([(4, 6), (20, 40), (10, 30), (24, 8)]):
+        renders.append(pixels[view].astype(np.float32) / 255)
+        hidden[view, top : top + 16, left : left + 16] = True
+        pixels[view][hidden[view]] = 250
+    masks = taught(objective(pixels), renders)
+    rows = np.linspace(0, HEIGHT - 1, masks.shape[1]).round().astype(int)
+    columns = np.linspace(0, WIDTH - 1, masks.shape[2]).round().astype(int)
+    inside = hidden[:, rows][:, :, columns]
+    assert masks[inside].mean() < 0.5
+    assert masks[~inside].mean() > 0.7
+
+
+@pytest.mark.parametrize("error", [0.0, 0.03, 0.1])
+def test_masks_are_never_all_or_nothing_where_the_scene_alone_is_seen(error):
+    """The loss of clean pictures asks for 1 - l / 0.3 or so: never 0, and not all of them 1 where there is an error."""
+    pixels = pictures()
+    noise = np.random.default_rng(3).normal(0, error, pixels.shape).astype(np.float32)
+    renders = list(np.clip(pixels.astype(np.float32) / 255 + noise, 0, 1))
+    masks = taught(objective(pixels), renders)
+    level = np.mean([loss_map(render, objective(pixels).target(v)) for v, render in enumerate(renders)])
+    assert masks.mean() == pytest.approx(1 - level / 0.3, abs=0.08)
+    assert masks.min() > 0.2
+
+
+@pytest.mark.parametrize("value", [0, 255])
+def test_identical_and_constant_pictures_leave_everything_finite(value):
+    pixels = np.full((3, 9, 13, 3), value, np.uint8)
+    rule = objective(pixels)
+    masks = taught(rule, [np.full((9, 13, 3), value / 255, np.float32)] * 3, 12)
+    assert np.isfinite(masks).all()
+    assert all(torch.isfinite(parameter).all() for parameter in rule.appearance.parameters())
+
+
+def test_what_is_hidden_is_not_looked_at():
+    pixels, ignored = pictures(2), np.zeros((HEIGHT, WIDTH), bool)
+    ignored[10:30, 20:50] = True
+    spoilt = pixels.copy()
+    spoilt[:, ignored] = 255
+    found = [
+        taught(objective(p, ignored=[ignored] * 2), [np.full((HEIGHT, WIDTH, 3), 0.3, np.float32)] * 2, 6)
+        for p in (pixels, spoilt)
+    ]
+    assert np.array_equal(*found)
+
+
+def test_lpips_is_added_unmasked(monkeypatch):
+    """With a stand-in for the network, whose gradient is known."""
+    monkeypatch.setattr(
+        "baselines.encoders.objective.lpips", lambda a, b, net, ignored: ((a - b) ** 2).mean(dim=(1, 2, 3))
+    )
+    image, photograph = np.random.default_rng(0).random((2, 8, 9, 3), np.float32)
+    value, gradient = perceptual_loss(image, photograph)
+    assert value == pytest.approx(np.mean((image - photograph) ** 2), rel=1e-5)
+    assert np.allclose(gradient, 2 * (image - photograph) / image.size, atol=1e-7)
+    rule = objective([np.round(255 * photograph).astype(np.uint8)], ReferenceConfig(**{**vars(SHORT), "lpips": 0.5}))
+    target = rule.target(0)
+    expected = photometric_loss(image, target)[0] + 0.5 * np.mean((image - target.image) ** 2)
+    assert rule(image, 0, 0, BufferPool())[0] == pytest.approx(expected, rel=1e-5)

@@ -1,0 +1,195 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from splats import BACKGROUND, camera, cloud, photographed, with_values
+
+from baselines.splatting.appearance.base import Appearance
+from baselines.splatting.appearance.gaussians import AppearanceGaussians, gaussians_in_view, in_sight, with_appearance
+from baselines.splatting.backends import torch_rasterizer as reference
+from baselines.splatting.backends.base import CpuBackend
+from baselines.splatting.config import TrainerConfig
+from baselines.splatting.gaussians import FIELDS, join
+from baselines.splatting.kernels.buffer_pool import BufferPool
+from baselines.splatting.kernels.photometric import photometric_loss
+from baselines.splatting.objective import Objective
+from baselines.splatting.rasterizer import render
+from baselines.splatting.schedule import LearningRates, rates_at
+from baselines.splatting.state import fresh_state
+from baselines.splatting.strategies.base import StepOptions
+from baselines.splatting.strategies.densification import DefaultStrategy
+from baselines.splatting.trainer import train
+from baselines.training.images import read_images
+from baselines.training.torch_state import module_arrays, restore_module
+
+
+class Tint(Appearance):
+    """A gain a view and channel, and an offset from each Gaussian's two features; the second set has neither."""
+
+    def __init__(self, views: int) -> None:
+        super().__init__()
+        self.gains = torch.nn.Parameter(torch.zeros(views, 3))
+        self.mix = torch.nn.Parameter(torch.full((2, 3), 0.1))
+        self.optimiser = torch.optim.Adam(self.parameters(), lr=0.05)
+
+    def features(self, gaussians):
+        return np.ascontiguousarray(0.1 * gaussians.means[:, :2])
+
+    def sh_sets(self, parameters, camera, view, degree):
+        gain = self.gains[view]
+        offset = torch.zeros_like(parameters["sh"])
+        offset[:, 0] = parameters["features"] @ self.mix
+        return parameters["sh"] * gain.exp() + offset, parameters["sh"]
+
+    def learn(self, iteration):
+        self.optimiser.step()
+        self.optimiser.zero_grad()
+
+    def feature_rate(self, iteration):
+        return 0.01
+
+    def training_state(self):
+        return module_arrays(self, self.optimiser)
+
+    def load_training_state(self, arrays):
+        restore_module(self, arrays, self.optimiser)
+
+
+class Both(Objective):
+    """Half of the loss is that of the plain render."""
+
+    def compare(self, images, view, iteration, buffers):
+        target = self.target(view, images[0].shape[:2])
+        parts = [photometric_loss(image, target, self.lambda_dssim) for image in images]
+        return sum(loss for loss, _ in parts) / 2, [gradient / 2 for _, gradient in parts]
+
+
+def with_features(n, degree=1):
+    gaussians = cloud(n, degree)
+    return with_appearance(gaussians, Tint(1))
+
+
+def test_features_go_where_their_gaussians_go():
+    gaussians = with_features(10)
+    both = join(gaussians, np.arange(3), gaussians.select(np.arange(10) > 7))
+    assert np.array_equal(both.features, gaussians.features[[0, 1, 2, 8, 9]])
+    assert gaussians.bare().features is None
+    assert gaussians.zeros().features.shape == (10, 2)
+    with pytest.raises(ValueError, match="features"):
+        replace(gaussians, features=np.zeros((3, 2), np.float32))
+
+
+def test_gradients_flow_through_the_colours_as_in_float64():
+    gaussians, view, appearance = with_features(40), camera(24, 20), Tint(2)
+    weights = [np.random.default_rng(k).normal(size=(20, 24, 3)).astype(np.float32) for k in range(2)]
+    backend = CpuBackend(Objective.__new__(Objective), BACKGROUND, 0.01)
+    backend._objective.appearance = appearance
+    backend._objective.compare = lambda images, *_: (0.0, weights)
+    appearance.learn = lambda iteration: None
+    ours = backend._learn_with_appearance(gaussians, view, 1, 0, 1).gradients
+
+    twin = Tint(2).double()
+    leaves = {name: torch.from_numpy(v).double().requires_grad_() for name, v in gaussians.state_dict().items()}
+    background = torch.from_numpy(BACKGROUND).double()
+    loss = sum(
+        (reference.render({**leaves, "sh": sh}, view, background, 1, 0.01) * torch.from_numpy(weight)).sum()
+        for sh, weight in zip(twin.sh_sets(leaves, view, 1, 1), weights, strict=True)
+    )
+    loss.backward()
+    for name, leaf in leaves.items():
+        found, expected = getattr(ours, name), leaf.grad.numpy()
+        assert np.abs(found - expected).max() < 2e-3 * np.abs(expected).max(), name
+    assert torch.allclose(appearance.gains.grad.double(), twin.gains.grad, rtol=2e-3, atol=1e-4)
+    assert torch.allclose(appearance.mix.grad.double(), twin.mix.grad, rtol=2e-3, atol=1e-4)
+    assert not appearance.gains.grad[0].any()  # the other view's
+
+
+@pytest.mark.parametrize(("size", "most"), [(0.001, 100), (0.03, 200), (0.3, 301)])
+def test_who_is_shown_is_in_sight(size, most):
+    gaussians, view = cloud(300, 0, size=size), camera(20, 14)
+    view = replace(view, fx=5 * view.fx, fy=5 * view.fy)
+    _, state = render(gaussians, view)
+    rows, seen = in_sight({name: torch.from_numpy(value) for name, value in gaussians.state_dict().items()}, view)
+    assert set(np.flatnonzero(state.visible)) <= set(rows.tolist())
+    assert 5 < state.visible.sum() <= len(rows) < most
+    assert np.array_equal(seen["sh"], gaussians.sh[rows])
+
+
+@pytest.mark.parametrize("kind", ["cpu", "gsplat"])
+def test_a_view_of_nothing_teaches_nothing(tmp_path, cuda_backend, kind):
+    scene = photographed(tmp_path, n_views=3)
+    images = read_images(scene.train_views)
+    backend = {"cpu": CpuBackend, "gsplat": cuda_backend}[kind](
+        Both(images, appearance=Tint(len(images))), BACKGROUND, 0.01
+    )
+    backend.put(fresh_state(with_features(20)))
+    away, pose = scene.train_views[0].camera, np.diag([-1.0, 1.0, -1.0, 1.0])
+    away = replace(away, world_to_camera=pose @ away.world_to_camera)
+    before = {name: value.copy() for name, value in backend.get(0, 0.0).gaussians.state_dict().items()}
+    rates = {**rates_at(0, 100, LearningRates(), 4.0, 1), "features": 0.01}
+    loss = backend.step(away, 0, 0, 1, rates, StepOptions(watch=True))
+    after = backend.get(1, 0.0)
+    assert np.isfinite(loss)
+    assert not after.seen.any()
+    assert all(np.array_equal(value, after.gaussians.state_dict()[name]) for name, value in before.items())
+
+
+def test_a_colour_cast_a_view_is_learnt_away_and_back_from_a_checkpoint(tmp_path):
+    scene = photographed(tmp_path, n_views=8)
+    images = read_images(scene.train_views)
+    config = TrainerConfig(
+        iterations=60,
+        sh_degree=1,
+        strategy=DefaultStrategy(start=10, stop=50, every=10, grow_grad2d=1e-6, budget=300),
+    )
+
+    def run(folder, iterations, fresh=True):
+        objective = Both(images, appearance=Tint(len(images)))
+        trained = train(scene, replace(config, iterations=iterations), 0, folder, objective)
+        return trained, objective
+
+    (whole, objective), (again, same) = run(tmp_path / "a", 60), run(tmp_path / "b", 60)
+    assert len(whole.gaussians) > len(scene.points)
+    assert whole.gaussians.features.shape == (len(whole.gaussians), 2)
+    assert all(np.array_equal(v, again.gaussians.state_dict()[k]) for k, v in whole.gaussians.state_dict().items())
+    assert all(np.array_equal(v, same.state_dict()[k]) for k, v in objective.state_dict().items())
+    taken_up, restored = run(tmp_path / "a", 60)  # from the checkpoint of the end
+    assert all(np.array_equal(v, restored.state_dict()[k]) for k, v in objective.state_dict().items())
+    assert np.array_equal(taken_up.gaussians.features, whole.gaussians.features)
+    assert objective.appearance.gains.abs().max() > 0.01
+
+
+def test_non_finite_gaussians_leave_the_network_whole(tmp_path):
+    gaussians = with_values(with_features(20), "features", 3, np.nan)
+    appearance = Tint(1)
+    visible = AppearanceGaussians(gaussians, appearance, camera(16, 12), 0, 1)
+    assert len(visible.rows) == 19
+    visible.backward(visible.gaussians.map(np.ones_like), np.ones_like(visible.sh), BufferPool())
+    assert all(torch.isfinite(parameter.grad).all() for parameter in appearance.parameters())
+
+
+def test_without_an_appearance_gaussians_are_shown_as_they_are():
+    gaussians = with_features(5)
+    assert gaussians_in_view(gaussians, None, camera(8, 8), 0, 1) is gaussians
+
+
+def test_the_gpu_takes_the_same_steps(tmp_path, cuda_backend):
+    scene = photographed(tmp_path, n_views=6)
+    images, cameras = read_images(scene.train_views), [view.camera for view in scene.train_views]
+    ends = []
+    for kind in (CpuBackend, cuda_backend):
+        objective = Both(images, appearance=Tint(len(images)))
+        backend = kind(objective, BACKGROUND, 0.01)
+        backend.put(fresh_state(with_features(60)))
+        for iteration in range(3):
+            rates = {**rates_at(iteration, 100, LearningRates(), 4.0, 1), "features": 0.01}
+            loss = backend.step(cameras[iteration], iteration, iteration, 1, rates, StepOptions(watch=True))
+        ends.append((backend.get(3, 0.0), loss, objective.appearance, backend.residual(cameras[4], 4, 1)))
+    (ours, loss, tint, residual), (theirs, other_loss, other_tint, other_residual) = ends
+    assert loss == pytest.approx(other_loss, rel=1e-4)
+    assert residual == pytest.approx(other_residual, rel=1e-4)
+    assert torch.allclose(tint.gains, other_tint.gains.detach().cpu(), atol=1e-4)
+    assert np.allclose(ours.gradient_sum, theirs.gradient_sum, rtol=2e-2, atol=1e-6)
+    for name in (*FIELDS, "features"):
+        assert np.quantile(np.abs(getattr(ours.gaussians, name) - getattr(theirs.gaussians, name)), 0.9) < 1e-5, name

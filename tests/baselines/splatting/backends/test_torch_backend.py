@@ -1,0 +1,137 @@
+"""The GPU's steps, on a pretended GPU with gsplat's kernels replayed, and the CPU's."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from splats import BACKGROUND, camera, cloud, photographed, with_values
+
+from baselines.splatting.backends.base import CpuBackend
+from baselines.splatting.gaussians import FIELDS
+from baselines.splatting.objective import Objective
+from baselines.splatting.rasterizer import render
+from baselines.splatting.schedule import LearningRates, rates_at, shrunk
+from baselines.splatting.state import fresh_state
+from baselines.splatting.strategies.base import PositionNoise, StepOptions
+from baselines.splatting.strategies.densification import DefaultStrategy
+from baselines.splatting.strategies.relocation import MCMCStrategy
+from baselines.training.images import TrainingImages, read_images
+
+
+@pytest.fixture
+def backends(cuda_backend, tmp_path):
+    scene = photographed(tmp_path)
+    objective = Objective(read_images(scene.train_views))
+    return (
+        [view.camera for view in scene.train_views],
+        [kind(objective, BACKGROUND, 0.01) for kind in (CpuBackend, cuda_backend)],
+    )
+
+
+@pytest.mark.parametrize("antialiased", [False, True])
+def test_both_draw_the_same(cuda_backend, antialiased):
+    objective = Objective(TrainingImages([np.zeros((16, 16, 3), np.uint8)]))
+    seen_from = replace(camera(75, 52), cx=31.0, cy=30.5, fy=60.0)
+    gaussians = with_values(cloud(200, 3), "opacity_logits", slice(0, 150), 1.0)
+    gaussians = with_values(gaussians, "means", slice(0, 4), [[0, -0.6, -4], [9, 0, 0], [4, -0.6, 1.3], [0, 0, 0]])
+    ours, _ = render(gaussians, seen_from, BACKGROUND, near=0.01, antialiased=antialiased)
+    theirs = cuda_backend(objective, BACKGROUND, 0.01, antialiased).render(gaussians, seen_from)
+    assert np.abs(ours - theirs).mean() < 2e-6
+    assert np.quantile(np.abs(ours - theirs), 0.99) < 2e-5  # cut-offs may fall on either side
+
+
+def test_gsplat_lets_one_gaussian_cover_more(cuda_backend):
+    objective = Objective(TrainingImages([np.zeros((16, 16, 3), np.uint8)]))
+    wall = with_values(with_values(cloud(1, 0), "opacity_logits", 0, 20.0), "log_scales", 0, 1.0)
+    wall = with_values(with_values(wall, "means", 0, 0), "sh", 0, -9)  # black
+    middle = cuda_backend(objective, np.ones(3, np.float32), 0.01).render(wall, camera(33, 33))[16, 16]
+    assert middle == pytest.approx(0.001, abs=2e-5)  # of the background shows; ours ends at 0.01
+
+
+def test_a_step_uploads_the_camera_and_rates_alone(backends, pretended_gpu):
+    cameras, (_, backend) = backends
+    backend.put(fresh_state(cloud(80, 2)))
+    for iteration in range(3):
+        pretended_gpu.counts.clear()
+        rates = rates_at(iteration, 100, LearningRates(), 4.0, 2)
+        backend.step(cameras[0], 0, iteration, 2, rates, DefaultStrategy().step_options(iteration, 0.1, 4.0, 0))
+    uploads = 1 + 1  # the camera, and the rate of the positions, the only one that is another in every step
+    assert pretended_gpu.counts == {"kernels": 8, "uploads": uploads, "downloads": 1}  # of the loss
+
+
+MCMC = MCMCStrategy(noise=0.0, opacity_penalty=1.0, scale_penalty=1.0)
+
+
+@pytest.mark.parametrize("strategy", [DefaultStrategy(), DefaultStrategy(absolute=True), MCMC])
+def test_both_take_the_same_steps(backends, strategy):
+    cameras, both = backends
+    states = []
+    for backend in both:
+        backend.put(fresh_state(cloud(80, 2)))
+        for iteration in range(4):
+            rates = rates_at(iteration, 100, LearningRates(), 4.0, 2)
+            step_options = strategy.step_options(iteration, rates["means"], 4.0, 0)
+            camera = shrunk(cameras[iteration], 2 if iteration < 2 else 1)
+            loss = backend.step(camera, iteration, iteration, 2, rates, step_options)
+        states.append((backend.get(4, 0.0), loss, backend.residual(cameras[5], 5, 2)))
+    (ours, our_loss, our_residual), (theirs, their_loss, their_residual) = states
+    assert our_loss == pytest.approx(their_loss, rel=1e-4)
+    assert our_residual == pytest.approx(their_residual, rel=1e-4)
+    assert np.allclose(ours.gradient_sum, theirs.gradient_sum, rtol=2e-2, atol=1e-6)
+    assert theirs.gradient_sum.any() == strategy.step_options(0, 1.0, 4.0, 0).watch
+    for name in FIELDS:
+        one, two = getattr(ours.gaussians, name), getattr(theirs.gaussians, name)
+        assert np.quantile(np.abs(one - two), 0.9) < 1e-5, name
+        assert not np.array_equal(one, getattr(cloud(80, 2), name)), name
+
+
+def test_both_say_the_same_of_contributions(backends):
+    cameras, both = backends
+    gaussians = with_values(cloud(80, 1), "sh", slice(0, 10), -5)
+    ours, theirs = [], []
+    for backend, weights in zip(both, (ours, theirs), strict=True):
+        backend.put(fresh_state(gaussians))
+        weights.extend(backend.contributions(cameras[:2]))
+    assert np.allclose(ours, theirs, rtol=1e-3, atol=1e-3)
+    assert sum(ours) > 100
+
+
+def test_noise_moves_the_transparent_ones_alone(backends):
+    cameras, (_, backend) = backends
+    gaussians = with_values(cloud(80, 1), "opacity_logits", slice(None), 3.0)
+    gaussians = with_values(gaussians, "opacity_logits", slice(0, 20), -9.0)
+    still = dict.fromkeys(FIELDS, 0.0)
+    moved = []
+    for seed in (0, 0, 1):
+        backend.put(fresh_state(gaussians))
+        backend.step(cameras[0], 0, 0, 1, still, StepOptions(noise=PositionNoise(1.0, np.random.default_rng(seed))))
+        moved.append(backend.get(1, 0.0).gaussians.means - gaussians.means)
+    assert moved[0][:20].all()
+    assert np.abs(moved[0][20:]).max() < 1e-6
+    assert np.array_equal(moved[0], moved[1])
+    assert not np.array_equal(moved[0], moved[2])
+
+
+def test_what_a_step_breaks_is_not_shown_in_the_next(backends):
+    cameras, (_, backend) = backends
+    backend.put(fresh_state(cloud(80, 1)))
+    rates = rates_at(0, 100, LearningRates(), 4.0, 1)
+    broken = {**rates, "sh": np.where(np.arange(12).reshape(4, 3) == 5, np.inf, rates["sh"]).astype(np.float32)}
+    for given in (broken, rates, rates):
+        assert np.isfinite(backend.step(cameras[0], 0, 0, 1, given, StepOptions()))
+    assert backend.non_finite()
+
+
+def test_non_finite_ones_are_counted_and_learn_nothing(backends):
+    cameras, both = backends
+    gaussians = with_values(with_values(cloud(80, 1), "means", 3, np.nan), "sh", 5, np.inf)
+    rates = rates_at(0, 100, LearningRates(), 4.0, 1)
+    for backend in both:
+        backend.put(fresh_state(gaussians))
+        loss = backend.step(cameras[0], 0, 0, 1, rates, StepOptions())
+        after = backend.get(1, 0.0).gaussians
+        assert backend.non_finite() == 2
+        assert np.isfinite(loss)
+        rest = np.setdiff1d(np.arange(80), [3, 5])
+        assert all(np.isfinite(value[rest]).all() for value in after.state_dict().values())
+        assert np.array_equal(after.quaternions[[3, 5]], gaussians.quaternions[[3, 5]])

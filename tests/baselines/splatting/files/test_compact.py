@@ -1,0 +1,125 @@
+"""Smaller splat files: what they leave out does not show, and what is packed comes back close."""
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from compressed_ply import RUN, read_compressed_ply
+from plyfile import PlyData
+from splats import camera, cloud, with_values
+
+from baselines.splatting.files.compact import cut_to_degree, neighbouring_order, without_unseen, write_compressed_ply
+from baselines.splatting.files.ply import origin_comment, read_ply, write_ply
+from baselines.splatting.gaussians import Gaussians
+from baselines.splatting.kernels.constants import MIN_ALPHA
+from baselines.splatting.rasterizer import render
+from hydroviews.errors import InputError
+from hydroviews.metrics import psnr
+
+SMALL = 0.06  # a packed position is off by a few thousandths of its run's bounds: Gaussians must not be smaller
+
+
+def shown(gaussians: Gaussians) -> np.ndarray:
+    return np.clip(render(gaussians, camera(160, 120))[0], 0, 1)
+
+
+def test_without_normals_a_file_is_smaller_and_reads_the_same(tmp_path):
+    gaussians = cloud(30, 2)
+    write_ply(tmp_path / "full.ply", gaussians)
+    write_ply(tmp_path / "small.ply", gaussians, normals=False)
+    assert "nx" not in PlyData.read(str(tmp_path / "small.ply"))["vertex"].data.dtype.names
+    full, small = ((tmp_path / name).stat().st_size for name in ("full.ply", "small.ply"))
+    assert full - small > 30 * 12
+    assert np.array_equal(shown(read_ply(tmp_path / "small.ply")), shown(gaussians))
+
+
+def test_gaussians_that_cannot_show_are_left_out_and_no_pixel_changes():
+    gaussians = cloud(200, 1)
+    least = np.log(MIN_ALPHA / (1 - MIN_ALPHA))
+    gaussians = with_values(gaussians, "opacity_logits", slice(0, 50), least - 0.01)
+    gaussians = with_values(gaussians, "opacity_logits", slice(50, 60), least + 0.01)
+    smaller = without_unseen(gaussians)
+    assert len(smaller) == np.count_nonzero(gaussians.opacity_logits >= least) < 200
+    assert np.array_equal(shown(smaller), shown(gaussians))
+
+
+def test_spherical_harmonics_are_cut_to_a_degree():
+    gaussians = cloud(20, 3)
+    cut = cut_to_degree(gaussians, 1)
+    assert cut.sh_degree == 1
+    assert np.array_equal(cut.sh, gaussians.sh[:, :4])
+    with pytest.raises(InputError, match="--sh-degree 3"):
+        cut_to_degree(cut, 3)
+
+
+def test_neighbours_lie_together():
+    grid = np.stack(np.meshgrid(*[np.arange(8)] * 3), axis=-1).reshape(-1, 3).astype(np.float32)
+    shuffled = grid[np.random.default_rng(0).permutation(len(grid))]
+    order = neighbouring_order(shuffled)
+    assert sorted(order) == list(range(len(grid)))
+    boxes = shuffled[order].reshape(8, 64, 3)  # runs of 64 are cubes of 4
+    assert np.array_equal(np.ptp(boxes, axis=1), np.full((8, 3), 3))
+
+
+class TestCompressed:
+    @pytest.fixture(autouse=True)
+    def library(self):
+        pytest.importorskip("gsply", reason="needs the extra compression")
+
+    @pytest.mark.parametrize("degree", [0, 1, 2, 3])
+    def test_it_shows_nearly_the_same(self, tmp_path, degree):
+        gaussians = cloud(2000, degree, size=SMALL)
+        write_compressed_ply(tmp_path / "small.ply", gaussians)
+        again = read_compressed_ply(tmp_path / "small.ply")
+        assert len(again) == 2000
+        assert again.sh_degree == degree
+        assert psnr(shown(again), shown(gaussians)) > 35
+
+    def test_it_is_about_a_quarter_as_large(self, tmp_path):
+        gaussians = cloud(2000, 3)
+        write_ply(tmp_path / "full.ply", gaussians)
+        write_compressed_ply(tmp_path / "small.ply", gaussians)
+        assert (tmp_path / "small.ply").stat().st_size < (tmp_path / "full.ply").stat().st_size / 3.8
+
+    def test_every_value_comes_back_within_its_bits(self, tmp_path):
+        gaussians = cloud(1000, 3)
+        write_compressed_ply(tmp_path / "small.ply", gaussians)
+        again, ours = read_compressed_ply(tmp_path / "small.ply"), gaussians.select(neighbouring_order(gaussians.means))
+        for start in range(0, 1000, RUN):
+            run = slice(start, start + RUN)
+            for name in ("means", "log_scales"):
+                step = np.ptp(getattr(ours, name)[run], axis=0) / (2 ** np.array([11, 10, 11]) - 1)
+                error = np.abs(getattr(again, name)[run] - getattr(ours, name)[run])
+                assert (error <= 0.51 * step + 1e-6).all()
+        turned = np.abs((again.quaternions * ours.quaternions).sum(axis=1)) / np.linalg.norm(ours.quaternions, axis=1)
+        assert turned.min() > 0.99999
+        assert np.abs(again.sh[:, 1:] - ours.sh[:, 1:]).max() <= 1 / 64 + 1e-6
+        opacities = [1 / (1 + np.exp(-g.opacity_logits)) for g in (again, ours)]
+        assert np.abs(opacities[0] - opacities[1]).max() <= 0.51 / 255
+
+    @pytest.mark.parametrize("n", [1, RUN + 1])
+    def test_a_run_of_one_or_of_equals_has_no_width(self, tmp_path, n):
+        gaussians = with_values(cloud(n, 0), "log_scales", slice(None), -2.0)
+        write_compressed_ply(tmp_path / "small.ply", gaussians)
+        again = read_compressed_ply(tmp_path / "small.ply")
+        assert np.allclose(again.log_scales, -2)
+        assert np.allclose(again.means, gaussians.means[neighbouring_order(gaussians.means)], atol=2e-3)
+
+    def test_a_far_origin_stays_in_the_header(self, tmp_path):
+        gaussians = replace(cloud(300, 1), origin=np.array([4e6, -1.0, 0.1]))
+        write_compressed_ply(tmp_path / "small.ply", gaussians)
+        assert PlyData.read(str(tmp_path / "small.ply")).comments == origin_comment(gaussians)
+        assert np.abs(read_compressed_ply(tmp_path / "small.ply").means).max() < 1.01
+
+    def test_what_cannot_be_written_is_refused(self, tmp_path):
+        for gaussians in (cloud(0, 1), with_values(cloud(5, 1), "means", 2, np.nan)):
+            with pytest.raises(InputError):
+                write_compressed_ply(tmp_path / "small.ply", gaussians)
+        assert not list(tmp_path.iterdir())
+
+
+def test_without_the_library_it_says_what_to_install(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "gsply", None)
+    with pytest.raises(InputError, match=r"\.\[compression\]"):
+        write_compressed_ply(tmp_path / "small.ply", cloud(5, 0))

@@ -1,0 +1,206 @@
+"""Initial Gaussians, growth and pruning."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from splats import camera, cloud, with_values
+
+from baselines.splatting.schedule import LearningRates, rates_at, sh_degree_at, view_at
+from baselines.splatting.state import fresh_state
+from baselines.splatting.strategies.densification import (
+    DefaultStrategy,
+    grow,
+    grow_due,
+    observe,
+    reset_due,
+    reset_opacity,
+    rotation_matrices,
+    split_up,
+)
+from baselines.splatting.strategies.initialisation import initialise, scene_extent
+from hydroviews.scene.cameras import Camera
+from hydroviews.scene.scenes import Points, no_points
+
+
+def watched(gaussians, gradients):
+    state = fresh_state(gaussians)
+    state.gradient_sum[:] = gradients
+    state.seen[:] = 1
+    return state
+
+
+def generator():
+    return np.random.default_rng(0)
+
+
+def test_small_gaussians_are_cloned_and_large_ones_split():
+    gaussians = replace(cloud(10, 1), opacity_logits=np.zeros(10, np.float32))
+    gaussians = with_values(gaussians, "log_scales", slice(None), np.log(0.001))
+    gaussians = with_values(gaussians, "log_scales", 7, np.log(0.05))
+    gradients = np.zeros(10)
+    gradients[[2, 7]] = 1
+    after = grow(watched(gaussians, gradients), DefaultStrategy(), 1.0, generator())
+    assert len(after.gaussians) == 12  # one more for number 2; two for number 7, which is gone
+    assert np.array_equal(after.gaussians.means[-3], gaussians.means[2])
+    assert np.allclose(after.gaussians.log_scales[-2:], np.log(0.05 / 1.6))
+    assert not after.gradient_sum.any()
+    assert len(after.first.means) == 12
+
+
+def test_transparent_and_oversized_ones_are_removed():
+    gaussians = replace(cloud(10, 1), opacity_logits=np.zeros(10, np.float32))
+    gaussians = with_values(gaussians, "log_scales", slice(None), np.log(0.001))
+    gaussians = with_values(gaussians, "opacity_logits", 0, -10)
+    gaussians = with_values(gaussians, "log_scales", 1, np.log(0.2))
+    after = grow(watched(gaussians, np.zeros(10)), DefaultStrategy(), 1.0, generator())
+    assert np.array_equal(after.gaussians.means, gaussians.means[2:])
+
+
+@pytest.mark.parametrize(("budget", "growth", "expected"), [(107, 1.0, 107), (1000, 0.1, 110), (50, 1.0, 100)])
+def test_growth_stops_at_the_budget_and_takes_the_largest_gradients(budget, growth, expected):
+    gaussians = replace(cloud(100, 0), opacity_logits=np.zeros(100, np.float32))
+    gaussians = with_values(gaussians, "log_scales", slice(None), np.log(0.001))
+    strategy = DefaultStrategy(budget=budget, growth=growth)
+    after = grow(watched(gaussians, np.arange(100)), strategy, 1.0, generator())
+    assert len(after.gaussians) == expected
+    added = expected - 100
+    assert np.array_equal(after.gaussians.means[100:], gaussians.means[100 - added :])
+
+
+def test_nothing_grows_without_a_gradient():
+    gaussians = replace(cloud(100, 0, size=0.01), opacity_logits=np.zeros(100, np.float32))
+    after = grow(watched(gaussians, np.full(100, 1e-5)), DefaultStrategy(), 10.0, generator())
+    assert len(after.gaussians) == 100
+
+
+def test_refining_nothing_gives_nothing():
+    after = grow(fresh_state(cloud(0, 1)), DefaultStrategy(), 1.0, generator())
+    assert len(after.gaussians) == 0
+
+
+def test_observed_gradients_are_by_half_the_image_size():
+    state = fresh_state(cloud(4, 0))
+    visible = np.array([True, False, True, True])
+    means2d = np.array([[3e-3, 0], [1, 1], [0, 4e-3], [3e-3, 4e-3]], np.float32)
+    observe(state, visible, means2d, (200, 100))
+    assert np.allclose(state.gradient_sum, [0.3, 0, 0.2, np.hypot(0.3, 0.2)])
+    assert np.array_equal(state.seen, [1, 0, 1, 1])
+
+
+def test_split_positions_follow_the_shape():
+    one = cloud(1, 0).map(lambda value: np.repeat(value, 20_000, axis=0))
+    parts = split_up(one, generator())
+    offsets = (parts.means - one.means[0]).astype(np.float64)
+    axes = rotation_matrices(one.quaternions[:1])[0] * np.exp(one.log_scales[0])
+    expected = axes @ axes.T
+    assert np.abs(np.cov(offsets.T) - expected).max() < 0.05 * np.abs(expected).max()
+
+
+def test_opacity_reset():
+    state = fresh_state(cloud(50, 0))
+    state.first.opacity_logits[:] = 1
+    after = reset_opacity(state, DefaultStrategy())
+    assert (1 / (1 + np.exp(-after.gaussians.opacity_logits)) <= 0.0100001).all()
+    assert not after.first.opacity_logits.any()
+
+
+def test_when_things_are_due():
+    strategy = DefaultStrategy(start=500, stop=1000, every=100, reset_every=300)
+    assert [i + 1 for i in range(2000) if grow_due(strategy, i)] == [500, 600, 700, 800, 900]
+    assert [i + 1 for i in range(2000) if reset_due(strategy, i)] == [300, 600, 900]
+    assert [i + 1 for i in range(2000) if strategy.due(i)] == [300, 500, 600, 700, 800, 900]
+    assert not any(reset_due(replace(strategy, reset_every=None), i) for i in range(2000))
+
+
+def test_initial_gaussians_sit_on_the_points():
+    grid = np.stack(np.meshgrid(*[np.arange(6.0)] * 3), -1).reshape(-1, 3)
+    colours = np.random.default_rng(0).integers(0, 256, grid.shape, np.uint8)
+    cameras = [camera(10, 10, a) for a in (0, 2, 4)]
+    gaussians = initialise(Points(grid, colours), cameras, 2, 0)
+    assert np.allclose(gaussians.means, grid)
+    assert np.allclose(np.exp(gaussians.log_scales), 0.05 * scene_extent(cameras, grid)[1])
+    assert np.allclose(0.5 + 0.28209479 * gaussians.sh[:, 0], colours / 255, atol=1e-6)
+    assert np.allclose(1 / (1 + np.exp(-gaussians.opacity_logits)), 0.1)
+    fine = initialise(Points(grid / 100, colours), cameras, 2, 0)
+    assert np.allclose(np.exp(fine.log_scales), 0.01)
+
+
+def test_without_points_gaussians_are_drawn_around_the_cameras():
+    cameras = [camera(10, 10, a) for a in (0, 2, 4)]
+    one, two, other = (initialise(no_points(), cameras, 0, seed) for seed in (0, 0, 1))
+    assert len(one) == 10_000
+    assert np.array_equal(one.means, two.means)
+    assert not np.array_equal(one.means, other.means)
+
+
+def test_impossible_points_are_left_out_and_told(caplog):
+    cameras = [camera(10, 10, a) for a in (0, 2, 4)]
+    positions = np.random.default_rng(0).uniform(-1, 1, (150, 3))
+    positions[:40, 1], positions[40:60, 2] = np.nan, 1e308
+    gaussians = initialise(Points(positions, np.zeros((150, 3), np.uint8)), cameras, 0, 0)
+    assert np.isfinite(gaussians.means).all()
+    assert len(gaussians) == 90 + 10_000
+    assert "60 of 150 points left out" in caplog.text
+    assert "90 points are few: 10000 random ones are added" in caplog.text
+
+
+def test_a_far_scene_is_recentred():
+    offset = np.array([1e6, 2e6, -3e6])
+    points = np.random.default_rng(0).uniform(-1, 1, (200, 3))
+    cameras = [camera(10, 10, a, tuple(offset)) for a in (0, 2, 4)]
+    gaussians = initialise(Points(points + offset, np.zeros((200, 3), np.uint8)), cameras, 0, 0)
+    assert np.abs(gaussians.means + (gaussians.origin - offset) - points).max() < 1e-6
+
+
+def test_a_misplaced_camera_does_not_count():
+    cameras = [camera(10, 10, a) for a in np.linspace(0, 6, 40)]
+    nothing, extent = no_points().positions, scene_extent(cameras, no_points().positions)[1]
+    pose = np.eye(4)
+    pose[0, 3] = 1000
+    stray = Camera(10, 10, 10, 10, 5, 5, pose)
+    assert scene_extent([*cameras, stray], nothing)[1] == pytest.approx(extent)
+
+
+@pytest.mark.parametrize("scale", [0.001, 1.0, 1000.0])
+def test_cameras_in_one_place_have_an_extent_in_the_units_of_the_points(scale):
+    """A fixed one would put `near` behind a small scene, and that of a tripod's jitter make Gaussians tiny."""
+    points = np.random.default_rng(0).uniform(-1, 1, (150, 3))
+    points[0], points[1] = 1e300, np.nan
+    ring = [camera(10, 10, a) for a in (0, 2, 4)]
+    tripod = [camera(10, 10, a, (a * 1e-4, 0, 0)) for a in (0, 0.0001, 0.0002)]
+
+    def extent(cameras, positions=points):
+        moved = [replace(c, world_to_camera=scaled(c.world_to_camera)) for c in cameras]
+        return scene_extent(moved, scale * positions)[1] / scale
+
+    def scaled(pose):
+        return np.block([[pose[:3, :3], scale * pose[:3, 3:]], [pose[3:]]])
+
+    assert extent(ring[:1]) == pytest.approx(1, rel=0.1)  # they look at the points from four units away
+    assert extent(tripod) == pytest.approx(1, rel=0.1)
+    assert extent(ring) == extent(ring, no_points().positions) > 4  # others are what they are without points
+    assert extent(ring[:1], points[:50]) == 1 / scale
+
+
+def test_schedule():
+    order = [view_at(i, 10, seed=1) for i in range(30)]
+    assert all(sorted(order[k : k + 10]) == list(range(10)) for k in (0, 10, 20))
+    assert order[:10] != order[10:20]
+    assert [sh_degree_at(i, 100, 3) for i in (0, 99, 100, 250, 1000)] == [0, 0, 1, 2, 3]
+    rates = [rates_at(i, 100, LearningRates(final=0.1), 5.0, 1) for i in (0, 100)]
+    assert rates[0]["means"] == pytest.approx(5 * 1.6e-4)
+    assert rates[1]["means"] == pytest.approx(5 * 1.6e-6)
+    assert rates[1]["opacity_logits"] == pytest.approx(0.005)
+    assert rates[0]["sh"][0, 0] == pytest.approx(20 * rates[0]["sh"][1, 0])
+
+
+def test_all_rates_fall_faster_in_the_end():
+    usual = LearningRates(final=0.5)
+    cooling = replace(usual, cooldown=0.2, cooled=0.01)
+    factors = {0: 1, 40: 1, 80: 1, 90: 0.1, 100: 0.01}
+    for iteration, factor in factors.items():
+        expected, found = (rates_at(iteration, 100, rates, 5.0, 1) for rates in (usual, cooling))
+        assert expected.keys() == found.keys()
+        for name, value in found.items():
+            assert np.allclose(value, factor * np.asarray(expected[name]), rtol=1e-5, atol=0), name

@@ -1,0 +1,258 @@
+"""Relocation within a budget: what its formulas promise, and that interruptions leave no trace."""
+
+import math
+from dataclasses import replace
+
+import numba
+import numpy as np
+import pytest
+import torch
+from splats import camera, cloud, with_values
+from trainings import BUDGETED, CONFIG, DENSIFY, RELOCATION, assert_identical, psnr
+
+from baselines.gaussian_splatting import BudgetedSplatting, GaussianSplatting
+from baselines.method import find_method
+from baselines.splatting.backends.torch_ops import penalty_gradient, position_moves
+from baselines.splatting.gaussians import FIELDS
+from baselines.splatting.kernels.mcmc import GATE
+from baselines.splatting.rasterizer import render
+from baselines.splatting.state import fresh_state, opacities
+from baselines.splatting.strategies.base import PositionNoise, StepOptions
+from baselines.splatting.strategies.densification import DefaultStrategy
+from baselines.splatting.strategies.relocation import (
+    PAPER_EXTENT,
+    MCMCStrategy,
+    add_noise,
+    add_penalties,
+    draw,
+    grow,
+    relocate,
+    shared,
+)
+from baselines.splatting.trainer import train
+from baselines.splatting_profiles import pruned_to_budget, with_iterations
+from hydroviews.scene.quaternions import rotation_matrices
+
+
+def generator():
+    return np.random.default_rng(0)
+
+
+def with_moments(gaussians):
+    state = fresh_state(gaussians)
+    for moments in (state.first, state.second):
+        for value in moments.state_dict().values():
+            value[:] = 1
+    return state
+
+
+def after_a_step(gaussians):
+    return replace(fresh_state(gaussians), iteration=1)
+
+
+def test_equation_9_is_the_papers_double_sum():
+    def papers(opacity, n):
+        new = 1 - (1 - opacity) ** (1 / n)
+        binomial = np.vectorize(lambda i, k: float(math.comb(i, k)))
+        total = sum(
+            binomial(i - 1, k) * (-1) ** k / np.sqrt(k + 1) * new ** (k + 1) for i in range(1, n + 1) for k in range(i)
+        )
+        return new, opacity / total
+
+    for opacity in (0.006, 0.3, 0.9, 0.999):
+        for n in (1, 2, 3, 10, 51):
+            ours = shared(np.array([opacity]), np.array([n]))
+            assert np.allclose(np.ravel(ours), papers(opacity, n), rtol=1e-9)
+    assert np.allclose(shared(np.array([0.4]), np.array([1])), [[0.4], [1]])
+
+
+def test_copies_look_like_their_source():
+    one = cloud(1, 0, size=0.3)
+    one = with_values(with_values(one, "opacity_logits", 0, 1.0), "means", 0, 0)
+    state = grow(fresh_state(one), MCMCStrategy(budget=3, growth=3.0), generator())
+    assert len(state.gaussians) == 3
+    before, after = (render(g, camera(80, 60))[0] for g in (one, state.gaussians))
+    naive = one.select(np.zeros(3, int))
+    assert np.abs(after - before).mean() < 0.25 * np.abs(render(naive, camera(80, 60))[0] - before).mean()
+
+
+def test_the_dead_move_to_the_live_in_proportion_to_opacity():
+    gaussians = with_values(cloud(3000, 1), "opacity_logits", slice(None), -10)
+    gaussians = with_values(gaussians, "opacity_logits", [0, 1, 2], np.log([0.2 / 0.8, 0.6 / 0.4, 0.006 / 0.994]))
+    state = relocate(with_moments(gaussians), MCMCStrategy(), generator())
+    after = state.gaussians
+    assert len(after) == 3000
+    sources = [int((after.means == gaussians.means[i]).all(axis=1).sum()) for i in range(3)]
+    assert sum(sources) == 3000
+    assert sources[1] / sources[0] == pytest.approx(3, rel=0.15)
+    assert (opacities(after) >= 0.005 * (1 - 1e-6)).all()
+    moved = (after.means == gaussians.means[1]).all(axis=1)
+    assert np.ptp(after.opacity_logits[moved]) == 0
+    assert (after.log_scales[moved] < gaussians.log_scales[1]).all()
+    assert not any(value[moved].any() for value in state.first.state_dict().values())
+
+
+def test_who_gave_no_copy_keeps_values_and_moments():
+    gaussians = with_values(cloud(5, 1), "opacity_logits", slice(None), [2.0, 2.0, 2.0, 2.0, -10.0])
+    state = relocate(with_moments(gaussians), MCMCStrategy(), generator())
+    source = int(np.flatnonzero((state.gaussians.means[:4] == state.gaussians.means[4]).all(axis=1))[0])
+    for i in range(4):
+        same = all(np.array_equal(getattr(state.gaussians, name)[i], getattr(gaussians, name)[i]) for name in FIELDS)
+        assert same == (i != source)
+        assert all(value[i].all() == (i != source) for value in state.second.state_dict().values())
+    assert not any(value[4].any() for value in state.second.state_dict().values())
+
+
+@pytest.mark.parametrize(("budget", "expected"), [(1000, 105), (103, 103), (50, 100)])
+def test_growth_is_five_percent_up_to_the_budget(budget, expected):
+    state = grow(with_moments(cloud(100, 1)), MCMCStrategy(budget=budget), generator())
+    assert len(state.gaussians) == len(state.first) == len(state.seen) == expected
+
+
+def test_copies_may_be_spread_around_their_source():
+    one = with_values(cloud(1, 0), "opacity_logits", 0, 1.0)
+    state = grow(fresh_state(one), MCMCStrategy(budget=4001, growth=4000.0, spread=0.5), generator())
+    distances = state.gaussians.means - one.means[0]
+    assert not distances[0].any()
+    axes = rotation_matrices(state.gaussians.quaternions[:1])[0] * np.exp(state.gaussians.log_scales[0])
+    expected = 0.25 * axes @ axes.T
+    assert np.abs(np.cov(distances[1:].T) - expected).max() < 0.1 * np.abs(expected).max()
+
+
+def test_more_points_than_the_budget_lose_the_most_transparent():
+    gaussians = cloud(100, 1)
+    state = MCMCStrategy(budget=60, dead=0.0).refine(after_a_step(gaussians), 1.0, 0)
+    kept = np.sort(np.argsort(gaussians.opacity_logits)[40:])
+    assert np.array_equal(state.gaussians.means, gaussians.means[kept])
+    assert len(state.first) == len(state.seen) == 60
+
+
+def test_nothing_alive_and_nothing_at_all():
+    dead = with_values(cloud(10, 0), "opacity_logits", slice(None), -20)
+    assert relocate(fresh_state(dead), MCMCStrategy(), generator()).gaussians is dead
+    assert len(MCMCStrategy().refine(after_a_step(cloud(0, 0)), 1.0, 0).gaussians) == 0
+    assert draw(np.array([0.0, 1, 0]), 50, generator()).tolist() == [1] * 50
+
+
+def tensors(gaussians):
+    return {name: torch.from_numpy(value.copy()).double() for name, value in gaussians.state_dict().items()}
+
+
+def test_noise_is_covariance_times_normal_noise_gated_by_opacity():
+    gaussians = cloud(200, 0)
+    gaussians.opacity_logits[:] = np.linspace(-9, 3, 200)
+    before = tensors(gaussians)
+    drawn = PositionNoise(100.0, np.random.default_rng(5))
+    add_noise(gaussians, drawn, np.empty((200, 3), np.float32))
+    normal = np.random.default_rng(5).standard_normal((200, 3), np.float32)
+    moved = gaussians.means - before["means"].numpy()
+    assert np.allclose(moved, position_moves(before, drawn, torch.from_numpy(normal).double()), rtol=1e-4, atol=1e-6)
+    shown = opacities(gaussians)
+    assert (np.linalg.norm(moved, axis=1)[shown < 1 - GATE] > 0.05).mean() > 0.8
+    assert np.abs(moved[shown > 0.3]).max() < 1e-6
+
+
+def test_penalties_are_gradients_of_mean_opacity_and_mean_scale():
+    gaussians = cloud(50, 1)
+    step_options = StepOptions(opacity_penalty=0.3, scale_penalty=0.7)
+    gradients = gaussians.zeros()
+    add_penalties(gaussians, step_options, gradients)
+    values = {name: value.requires_grad_() for name, value in tensors(gaussians).items()}
+    penalty = 0.3 * values["opacity_logits"].sigmoid().mean() + 0.7 * values["log_scales"].exp().mean()
+    penalty.backward()
+    for name in ("opacity_logits", "log_scales"):
+        assert np.allclose(getattr(gradients, name), values[name].grad.numpy(), rtol=1e-5)
+        assert torch.allclose(penalty_gradient(name, values[name].detach(), step_options), values[name].grad)
+    assert not gradients.means.any()
+
+
+def test_other_units_are_trained_the_same_way():
+    one, other = (MCMCStrategy().step_options(7, 1e-4 * s, PAPER_EXTENT * s, 0) for s in (1.0, 10.0))
+    assert one.noise.factor == pytest.approx(5e5 * 1e-4)
+    assert other.noise.factor == pytest.approx(
+        one.noise.factor / 10
+    )  # times a covariance 100 times as large: a step 10 times as long
+    assert other.scale_penalty == pytest.approx(one.scale_penalty / 10)
+
+
+def test_steps_do_not_depend_on_the_number_of_threads():
+    if numba.config.NUMBA_NUM_THREADS < 2:
+        pytest.skip("one thread is all there is")
+    results = []
+    for threads in (1, 2):
+        numba.set_num_threads(threads)
+        gaussians, gradients = cloud(1000, 1), cloud(1000, 1).zeros()
+        step_options = StepOptions(opacity_penalty=0.1, scale_penalty=0.1, noise=PositionNoise(10.0, generator()))
+        add_penalties(gaussians, step_options, gradients)
+        add_noise(gaussians, step_options.noise, np.empty((1000, 3), np.float32))
+        results.append((gaussians.means.tobytes(), gradients.log_scales.tobytes(), gradients.opacity_logits.tobytes()))
+    assert results[0] == results[1]
+
+
+def test_a_synthetic_scene_is_learnt_within_the_budget(scene, tmp_path):
+    method = GaussianSplatting(replace(BUDGETED, iterations=500), 0)
+    method.fit(scene, tmp_path)
+    assert method.summary().n_primitives == 150
+    assert psnr(method, scene.train_views) > 30
+    assert psnr(method, scene.test_views) > 26
+
+
+def test_the_same_seed_gives_the_same_bits(scene, tmp_path):
+    one, two = (train(scene, BUDGETED, 0, tmp_path / name) for name in ("one", "two"))
+    assert_identical(one, two)
+    assert not np.array_equal(one.gaussians.means, train(scene, BUDGETED, 1, tmp_path / "other").gaussians.means)
+
+
+def test_strategies_are_told_apart_by_their_settings(scene):
+    assert RELOCATION.due(19)
+    assert not RELOCATION.due(149)
+    assert not RELOCATION.step_options(0, 1.0, 1.0, 0).watch
+    assert DefaultStrategy().step_options(0, 1.0, 1.0, 0).watch
+
+
+def test_the_budgeted_method_has_half_the_gaussians():
+    assert find_method("3dgs-budget-clean").trains_on == "clean"
+    for profile in ("demo", "quick"):
+        budgeted, plain = (kind.configuration(profile) for kind in (BudgetedSplatting, GaussianSplatting))
+        assert 2 * budgeted.pruning.budget == plain.strategy.budget
+        grown = budgeted.strategy.stop / budgeted.iterations
+        assert grown < min(budgeted.pruning.at)  # what is pruned does not come back
+    assert BudgetedSplatting.configuration("paper").strategy == MCMCStrategy()
+
+
+def test_dearer_steps_are_fewer_on_the_same_schedule():
+    plain = GaussianSplatting.configuration("quick")
+    assert with_iterations(plain.iterations, plain) == plain
+    half = with_iterations(plain.iterations // 2, plain)
+    assert (2 * half.iterations, 2 * half.sh_degree_interval) == (plain.iterations, plain.sh_degree_interval)
+    assert 2 * half.strategy.stop == plain.strategy.stop
+    assert half.strategy.budget == plain.strategy.budget
+
+
+def test_relocation_is_scheduled_as_densification_is():
+    relocation = replace(GaussianSplatting.configuration("quick"), strategy=MCMCStrategy(stop=9000, budget=60_000))
+    half = with_iterations(relocation.iterations // 2, relocation)
+    assert half.strategy == MCMCStrategy(stop=4500, budget=60_000)
+    pruned = pruned_to_budget(1000, relocation)
+    assert pruned.strategy == MCMCStrategy(stop=round(0.24 * pruned.iterations), budget=1500)
+    assert pruned.pruning.budget == 1000
+
+
+def test_without_noise_nothing_moves():
+    assert MCMCStrategy(noise=0.0).step_options(0, 1e-4, 1.0, 0).noise is None
+
+
+def test_a_budget_is_exceeded_early_and_kept_in_the_end(scene, tmp_path):
+    config = pruned_to_budget(100, replace(CONFIG, strategy=replace(DENSIFY, stop=120)))
+    sizes = []
+
+    class Watched(DefaultStrategy):
+        def refine(self, state, extent, seed):
+            refined = super().refine(state, extent, seed)
+            sizes.append(len(refined.gaussians))
+            return refined
+
+    growth = Watched(**vars(config.strategy))
+    trained = train(scene, replace(config, strategy=growth), 0, tmp_path)
+    assert trained.iterations == 2 * CONFIG.iterations
+    assert max(sizes) > 100 == len(trained.gaussians)

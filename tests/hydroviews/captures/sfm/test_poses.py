@@ -1,0 +1,461 @@
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import PIL.Image
+import pycolmap
+import pytest
+from captures import WALK, capture, flower_walk
+from PIL.ExifTags import IFD, Base
+from PIL.TiffImagePlugin import IFDRational
+from processes import PATIENCE, wait_until
+from synthetic import capture_in
+from tqdm import tqdm
+
+from hydroviews.__main__ import poses_command
+from hydroviews.captures.sfm import mapping, matching, pairs
+from hydroviews.captures.sfm.mapping import can_be_read
+from hydroviews.captures.sfm.poses import estimate_poses, triangulate
+from hydroviews.captures.sfm.sources import link_names, link_photographs
+from hydroviews.errors import InputError
+from hydroviews.files.atomic import listing, sha256
+from hydroviews.files.ownership import FILES
+from hydroviews.formats.capture_json import captured_rainy
+from hydroviews.formats.geometry import misplaced, misplaced_note, rigid_pose
+from hydroviews.formats.read import read_scene
+from hydroviews.scene.images import write_png
+
+
+@pytest.fixture(scope="module")
+def flower(tmp_path_factory):
+    """Nine photographs of a real capture at half size, in a folder and with names that need care."""
+    folder = tmp_path_factory.mktemp("flower") / "my photos"
+    for name, image in flower_walk():
+        write_png(folder / "first walk" / f"a {name}.png", image)
+    return folder
+
+
+def relative_rotation_error(scene, other, a, b):
+    """Degrees between what two scenes say of the turn from one view to another."""
+    turns = [s.views[b].camera.rotation @ s.views[a].camera.rotation.T for s in (scene, other)]
+    cosine = (np.trace(turns[0].T @ turns[1]) - 1) / 2
+    return np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+
+
+def test_without_exif_the_focal_length_begins_at_a_telephones(tmp_path):
+    """From pycolmap's longer one, views from one side end inside out."""
+    write_png(tmp_path / "a.png", np.zeros((6, 8, 3), np.float32))
+    matching.register(tmp_path / "d.db", tmp_path, ["a.png"], "SIMPLE_PINHOLE", shared=True)
+    with pycolmap.Database.open(tmp_path / "d.db") as opened:
+        assert [camera.focal_length for camera in opened.read_all_cameras()] == [pytest.approx(0.9 * 8)]
+
+
+def exif_of(model="Phone 15", **tags):
+    exif = PIL.Image.Exif()
+    exif[Base.Make], exif[Base.Model] = "Maker", model
+    for name, value in tags.items():
+        exif.get_ifd(IFD.Exif)[getattr(Base, name)] = value
+    return exif
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "cameras"),
+    [
+        (exif_of(FocalLengthIn35mmFilm=26), exif_of(FocalLengthIn35mmFilm=13), 2),
+        (exif_of(FocalLength=5.7), exif_of(FocalLength=2.2), 2),
+        (exif_of(LensModel="wide"), exif_of(LensModel="ultra wide"), 2),
+        (exif_of(), exif_of("Phone 16"), 2),
+        (exif_of(DigitalZoomRatio=1.0), exif_of(DigitalZoomRatio=2.0), 2),
+        (exif_of(FocalLength=5.7), exif_of(FocalLength=IFDRational(57, 10)), 1),
+        (None, None, 1),
+    ],
+    ids=["35 mm", "focal length", "lens", "model", "digital zoom", "same", "no Exif"],
+)
+def test_photographs_of_one_size_have_a_camera_for_each_lens(tmp_path, one, other, cameras):
+    names = [f"{i}.jpg" for i in range(6)]
+    for i, name in enumerate(names):
+        exif = (one, other)[i % 2]
+        PIL.Image.new("RGB", (48, 32)).save(tmp_path / name, **({"exif": exif} if exif else {}))
+    matching.register(tmp_path / "d.db", tmp_path, names, "SIMPLE_RADIAL", shared=True)
+    with pycolmap.Database.open(tmp_path / "d.db") as opened:
+        assert opened.num_cameras() == cameras
+        ids = [opened.read_image_with_name(name).camera_id for name in names]
+    assert len(set(ids[::2])) == len(set(ids[1::2])) == 1
+    assert len(set(ids)) == cameras
+
+
+def test_each_lens_begins_with_its_own_focal_length(tmp_path):
+    for name, length in (("wide.jpg", 26), ("ultra.jpg", 13)):
+        PIL.Image.new("RGB", (480, 320)).save(tmp_path / name, exif=exif_of(FocalLengthIn35mmFilm=length))
+    matching.register(tmp_path / "d.db", tmp_path, ["wide.jpg", "ultra.jpg"], "SIMPLE_PINHOLE", shared=True)
+    with pycolmap.Database.open(tmp_path / "d.db") as opened:
+        wide, ultra = sorted((camera.focal_length for camera in opened.read_all_cameras()), reverse=True)
+    assert wide / ultra == pytest.approx(2, rel=0.01)
+    assert wide == pytest.approx(26 / 43.27 * np.hypot(480, 320), rel=0.05)
+
+
+@pytest.fixture(scope="module")
+def estimated(flower, tmp_path_factory):
+    """Where a process that was interrupted after the features, and then a call, have estimated cameras; its errors."""
+    script = "import sys; from pathlib import Path; from hydroviews.captures.sfm.poses import estimate_poses as run; "
+    script += "run(Path(sys.argv[1]), Path(sys.argv[2]))"
+    out = tmp_path_factory.mktemp("estimated") / "out"
+    process = subprocess.Popen([sys.executable, "-c", script, flower, out], stderr=subprocess.PIPE, text=True)
+    wait_until((out / "pairs.txt").exists, process)  # features are done
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=PATIENCE)
+    assert process.returncode not in (0, -signal.SIGABRT)
+    assert not (out / "sparse").exists()
+    return out, errors, estimate_poses(flower, out)
+
+
+def test_interrupted_estimation_goes_on_and_agrees_with_the_solved_poses(estimated, flower, tmp_path):
+    out, errors, scene = estimated
+    assert "KeyboardInterrupt" in errors
+    assert scene.notes[0] == "cameras from sparse/0: 9 of 9 images registered"
+    assert len(scene.points) > 300
+    assert all(" " not in view.name for view in scene.views)
+    solved = read_scene(capture("llff_flower"))
+    solved = replace(solved, views=tuple(solved.views[i] for i in WALK))
+    assert max(relative_rotation_error(scene, solved, 0, i) for i in range(1, 9)) < 1
+
+    before = {path: path.stat().st_mtime_ns for path in (out / "sparse" / "0").iterdir()}
+    link = next((out / "images").iterdir())
+    link.unlink()
+    link.symlink_to(tmp_path / "where it was")
+    estimate_poses(flower, out)
+    assert {path: path.stat().st_mtime_ns for path in (out / "sparse" / "0").iterdir()} == before
+    assert link.resolve().parent == flower / "first walk"
+    with pytest.raises(InputError, match=r"estimated otherwise\n.*seed"):
+        estimate_poses(flower, out, seed=1)
+
+
+def test_an_interruption_waits_for_the_safe_point():
+    ended = []
+
+    def call(cancellation_token):
+        os.kill(os.getpid(), signal.SIGINT)
+        while not cancellation_token.is_cancelled:
+            time.sleep(0.01)
+        time.sleep(0.3)  # on the way to the safe point
+        ended.append(True)
+
+    with pytest.raises(KeyboardInterrupt):
+        matching.interruptible(call)
+    assert ended
+
+
+def test_interrupted_mapping_goes_on_from_a_snapshot(estimated, flower, tmp_path, monkeypatch):
+    shutil.copytree(estimated[0], tmp_path, symlinks=True, dirs_exist_ok=True)
+    shutil.rmtree(tmp_path / "sparse")  # features and matches are there
+
+    def interrupted(call):
+        if call.func is not pycolmap.incremental_mapping:
+            return call(cancellation_token=pycolmap.CancellationToken())
+        token, registered = pycolmap.CancellationToken(), []
+
+        def register():
+            registered.append(1)
+            if len(registered) == 6:
+                token.cancel()
+
+        return partial(call, next_image_callback=register)(cancellation_token=token)
+
+    monkeypatch.setattr(mapping, "SNAPSHOT_EVERY", 2)
+    with monkeypatch.context() as patch:
+        patch.setattr(matching, "interruptible", interrupted)
+        with pytest.raises(InterruptedError):
+            estimate_poses(flower, tmp_path)
+    snapshots = sorted((tmp_path / mapping.MAPPING / "snapshots").iterdir())
+    assert len(snapshots) >= 2
+    scene = estimate_poses(flower, tmp_path)
+    assert len(scene.views) == 9
+    assert not (tmp_path / mapping.MAPPING).exists()
+    solved = read_scene(capture("llff_flower"))
+    solved = replace(solved, views=tuple(solved.views[i] for i in WALK))
+    assert max(relative_rotation_error(scene, solved, 0, i) for i in range(1, 9)) < 1
+
+
+def test_triangulated_points_fit_the_given_poses(tmp_path):
+    scene = read_scene(capture("ngp_fox")).resized(320)
+    views = [replace(view, name=name) for view, name in zip(scene.views, ["a b", "a_b"], strict=False)]
+    scene = replace(scene, views=(*views, *scene.views[2:10]))  # the same name to COLMAP, which has no blanks in its
+    points = triangulate(scene, tmp_path)
+    assert len(points) > 200
+    assert points.colours.std() > 10
+    solved = [view.camera.project(points.positions) for view in scene.views]
+    inside = sum(
+        (depth > 0) & (pixels > 0).all(1) & (pixels < (view.camera.width, view.camera.height)).all(1)
+        for (pixels, depth), view in zip(solved, scene.views, strict=True)
+    )
+    assert (inside >= 3).mean() > 0.95  # each is seen by three views
+    again = triangulate(scene, tmp_path)  # from the finished database
+    np.testing.assert_array_equal(again.positions, points.positions)
+
+
+def test_photographs_that_share_nothing(tmp_path):
+    random = np.random.default_rng(0)
+    for i in range(3):
+        write_png(tmp_path / "noise" / f"{i}.png", random.random((64, 64, 3)).astype(np.float32))
+    with pytest.raises(InputError, match=r"only 0 of 3 photographs could be registered\n.*\n.*take more"):
+        estimate_poses(tmp_path / "noise", tmp_path / "out")
+    assert not (tmp_path / "out" / "sparse").exists()
+
+
+def test_too_few_photographs(tmp_path):
+    with pytest.raises(InputError, match=r"0 photographs\n.*no such folder"):
+        estimate_poses(tmp_path / "nowhere", tmp_path / "out")
+    write_png(tmp_path / "two" / "a.png", np.zeros((8, 8, 3), np.float32))
+    with pytest.raises(InputError, match="1 photographs"):
+        estimate_poses(tmp_path / "two", tmp_path / "out")
+    for name in "bc":
+        write_png(tmp_path / "two" / f"{name}.png", np.zeros((8, 8, 3), np.float32))
+    with pytest.raises(InputError, match="among the photographs"):
+        estimate_poses(tmp_path / "two", tmp_path / "two" / "out")
+
+
+def test_settings_are_kept(tmp_path):
+    scene = capture_in(tmp_path / "flat", n_views=3)
+    with pytest.raises(InputError):
+        estimate_poses(scene.views[0].path.parent, tmp_path / "out", camera_model="OPENCV", matcher="sequential")
+    settings = json.loads((tmp_path / "out" / "poses.json").read_text())
+    assert settings == {
+        "camera_model": "OPENCV",
+        "exhaustive": False,
+        "seed": 0,
+        "images": ["view-00.png", "view-01.png", "view-02.png"],
+        "masks": None,
+        "rainy": None,
+        "enhanced": None,
+        "features": None,
+        "files": listing(view.path for view in scene.views),
+    }
+    assert Path(os.readlink(tmp_path / "out" / "images" / "view-01.png")) == scene.views[1].path.resolve()
+
+
+def test_photographs_that_moved_are_the_same(tmp_path):
+    scene = capture_in(tmp_path / "flat", n_views=3)
+    images = scene.views[0].path.parent
+    with pytest.raises(InputError, match="could be registered"):
+        estimate_poses(images, tmp_path / "out")
+    moved = images.rename(tmp_path / "moved")
+    with pytest.raises(InputError, match="could be registered"):
+        estimate_poses(moved, tmp_path / "out")
+    assert (tmp_path / "out" / "images" / "view-01.png").is_file()
+
+
+def test_names_of_links_have_no_white_space_of_any_kind(tmp_path):
+    names = ["a 1.png", "b\u202f2.png", "c\t3.png"]
+    links = link_names(tmp_path, [tmp_path / name for name in names])
+    assert list(links) == ["a_1.png", "b_2.png", "c_3.png"]
+
+
+def test_a_copy_that_is_cut_short_is_made_again(tmp_path, monkeypatch):
+    write_png(tmp_path / "photographs" / "a.png", np.zeros((8, 8, 3), np.float32))
+    links, folder = {"a.png": tmp_path / "photographs" / "a.png"}, tmp_path / "images"
+
+    def no_links(*_):
+        raise OSError("no links here")
+
+    def cut_short(source, target):
+        Path(target).write_bytes(source.read_bytes()[:20])
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Path, "symlink_to", no_links)
+    with monkeypatch.context() as patch:
+        patch.setattr(shutil, "copy2", cut_short)
+        with pytest.raises(KeyboardInterrupt):
+            link_photographs(links, folder, turned=False)
+    assert {path.name for path in folder.iterdir()} <= {FILES}
+    link_photographs(links, folder, turned=False)
+    assert (folder / "a.png").read_bytes() == links["a.png"].read_bytes()
+
+
+@pytest.mark.parametrize("begun", [0, 7])
+def test_the_bar_of_mapping_is_of_one_model_at_a_time(tmp_path, monkeypatch, begun):
+    """Two models of 12 photographs, the first of which goes on from a snapshot where there is one."""
+    shown = []
+
+    def register(first, following):
+        def grow(*_, initial_image_pair_callback, next_image_callback, **__):
+            for views in (first, following):
+                initial_image_pair_callback()
+                for _ in range(views - 2):
+                    next_image_callback()
+                shown.append(bars[0].n)
+            return {}
+
+        return grow
+
+    bars = []
+
+    class Bar(tqdm):
+        def __init__(self, *args, **kwargs):
+            super().__init__(*args, **kwargs)
+            bars.append(self)
+
+    for i in range(2 if begun else 0):
+        (tmp_path / mapping.MAPPING / "snapshots" / str(i)).mkdir(parents=True)
+    monkeypatch.setattr(mapping, "tqdm", Bar)
+    monkeypatch.setattr(mapping, "read_images", lambda folder: [None] * begun)
+    monkeypatch.setattr(pycolmap, "incremental_mapping", register(5, 4))
+    monkeypatch.setattr(matching, "interruptible", lambda call: call())
+    mapping._incremental_mapping(tmp_path, 12, 16.0, mapping.mapping_options(0))
+    assert shown == ([begun + 3, 4] if begun else [5, 4])
+
+
+@pytest.fixture
+def noise(tmp_path):
+    """Three photographs that share nothing, and a call that cannot register them: the features that it found."""
+    random = np.random.default_rng(0)
+    for i in range(3):
+        write_png(tmp_path / "noise" / f"{i}.png", random.random((64, 64, 3)).astype(np.float32))
+
+    def find():
+        with pytest.raises(InputError, match="could be registered"):
+            estimate_poses(tmp_path / "noise", tmp_path / "out", rainy=True)
+        with pycolmap.Database.open(tmp_path / "out" / mapping.DATABASE) as opened:
+            images = {image.name: image.image_id for image in opened.read_all_images()}
+            return {name: opened.read_keypoints(image) for name, image in images.items()}
+
+    return find
+
+
+def test_a_photograph_that_cannot_be_read_is_named_and_can_be_mended(noise, tmp_path):
+    photograph = tmp_path / "noise" / "1.png"
+    good = photograph.read_bytes()
+    photograph.write_bytes(b"")
+    with pytest.raises(InputError, match=f"{photograph}: cannot be read"):
+        estimate_poses(tmp_path / "noise", tmp_path / "out", rainy=True)
+    photograph.write_bytes(good)
+    assert len(noise()) == 3
+
+
+def test_work_on_other_photographs_is_begun_anew_until_cameras_are_found(noise, tmp_path):
+    before = noise()
+    write_png(tmp_path / "noise" / "1.png", np.zeros((99, 99, 3), np.float32))
+    write_png(tmp_path / "noise" / "more" / "3.png", np.zeros((64, 64, 3), np.float32))
+    after = noise()
+    assert set(after) == {"0.png", "1.png", "2.png", "3.png"}
+    assert np.array_equal(before["0.png"], after["0.png"])
+    assert len(after["1.png"]) == 0 < len(before["1.png"])
+    (tmp_path / "noise" / "2.png").unlink()
+    noise()
+    assert {path.name for path in (tmp_path / "out" / "images").iterdir()} == {"0.png", "1.png", "3.png"}
+    with pytest.raises(InputError, match=r"estimated otherwise[\s\S]*seed"):
+        estimate_poses(tmp_path / "noise", tmp_path / "out", seed=1, rainy=True)
+
+
+def test_cameras_of_other_photographs_are_kept(noise, tmp_path):
+    noise()
+    (tmp_path / "out" / "sparse").mkdir()
+    (tmp_path / "noise" / "1.png").rename(tmp_path / "noise" / "5.png")
+    with pytest.raises(InputError, match=r"cameras of other photographs\n.*5\.png added; 1\.png gone"):
+        estimate_poses(tmp_path / "noise", tmp_path / "out", rainy=True)
+    (tmp_path / "noise" / "5.png").rename(tmp_path / "noise" / "1.png")
+    write_png(tmp_path / "noise" / "1.png", np.zeros((99, 99, 3), np.float32))
+    with pytest.raises(InputError, match="of the same names and other sizes"):
+        estimate_poses(tmp_path / "noise", tmp_path / "out", rainy=True)
+    assert (tmp_path / "out" / mapping.DATABASE).is_file()
+
+
+def digests(folder):
+    return {path.relative_to(folder).as_posix(): sha256(path) for path in folder.rglob("*") if path.is_file()}
+
+
+def test_photographs_and_a_database_in_the_folder_of_results_stay(noise, tmp_path):
+    """`poses walk/noise --out walk`, with originals in walk/images and COLMAP's database: nothing is touched."""
+    noise()
+    shutil.rmtree(tmp_path / "out")
+    for name in ("images/ORIGINAL_0.jpg", "database.db", "sparse/0/cameras.bin"):
+        folder = tmp_path / name.replace("/", "-")
+        (folder / name).parent.mkdir(parents=True)
+        (folder / name).write_bytes(b"the user's")
+        (folder / "database.db.bak").write_bytes(b"a copy")
+        before = digests(folder)
+        for _ in range(2):
+            with pytest.raises(InputError, match=rf"holds files that are not of this estimate[\s\S]*{re.escape(name)}"):
+                estimate_poses(tmp_path / "noise", folder, rainy=True)
+        assert digests(folder) == before
+
+
+def test_work_begun_anew_removes_our_links_alone(noise, tmp_path, caplog):
+    noise()
+    (tmp_path / "out" / "images" / "mine.jpg").write_bytes(b"the user's")
+    (tmp_path / "out" / "database.db.bak").write_bytes(b"a copy")
+    write_png(tmp_path / "noise" / "4.png", np.zeros((64, 64, 3), np.float32))
+    noise()
+    assert "not written by HydroViews, and kept: images/mine.jpg" in caplog.text
+    assert {path.name for path in (tmp_path / "out" / "images").iterdir()} == {
+        "0.png", "1.png", "2.png", "4.png", "mine.jpg",
+    }  # fmt: skip
+    assert (tmp_path / "out" / "database.db.bak").is_file()
+
+
+def test_sequence_pairs_join_neighbours_and_close_loops():
+    found = pairs.sequence_pairs(300)
+    assert {(i, i + 1) for i in range(299)} <= found
+    assert (0, 299) in found
+    assert (10, 10 + 128) in found
+    assert len(found) < 5000 < len(pairs.all_pairs(300))
+    assert pairs.sequence_pairs(2) == {(0, 1)}
+    assert all(i < j < 300 for i, j in found)
+
+
+def test_pose_pairs_need_a_common_direction(tmp_path):
+    scene = capture_in(tmp_path, n_views=36)  # a ring, ten degrees apart
+    found = pairs.pose_pairs(np.stack([view.camera.world_to_camera for view in scene.views]))
+    apart = {min(j - i, 36 - (j - i)) for i, j in found}
+    assert {1, 2, 3, 4, 5} <= apart <= {1, 2, 3, 4, 5, 6}  # none beyond sixty degrees
+    assert {(i, i + 1) for i in range(35)} <= found
+
+
+def test_misplaced_cameras():
+    line = np.c_[np.arange(40.0), np.zeros(40), np.zeros(40)]
+    assert misplaced(line) == []
+    wrong = line.copy()
+    wrong[17] += (0, 50, 0)
+    assert misplaced(wrong) == [17]
+    wrong[18] += (0, 50, 1)
+    assert misplaced(wrong) == [17, 18]
+    assert misplaced_note([f"v{i}" for i in range(40)], wrong)[0].startswith("v17, v18: more than 10 median steps")
+    jump = line.copy()
+    jump[20:] += (0, 50, 0)  # a second walk elsewhere
+    assert misplaced(jump) == []
+    wrong = line.copy()
+    wrong[0] -= (30, 0, 0)
+    assert misplaced(wrong) == [0]
+    assert misplaced(np.random.default_rng(0).normal(size=(100, 3))) == []
+
+
+def test_rigid_pose_of_another_size():
+    with pytest.raises(InputError, match="here: the pose is not a matrix"):
+        rigid_pose([[1, 2], [3, 4]], "here")
+    with pytest.raises(InputError, match="here: the pose is not a matrix"):
+        rigid_pose("identity", "here")
+
+
+@pytest.mark.parametrize(("focal", "kept"), [(300.0, True), (1.2, False), (1e6, False)])
+def test_models_with_impossible_focal_lengths_are_left_out(focal, kept):
+    """What is written of them could not be read again, which looked like a full disk."""
+    model = pycolmap.Reconstruction()
+    model.add_camera_with_trivial_rig(pycolmap.Camera.create_from_model_name(1, "SIMPLE_PINHOLE", focal, 320, 213))
+    assert can_be_read(model) == kept
+
+
+def test_a_capture_in_rain_says_so(tmp_path, monkeypatch):
+    """Its photographs are not taken for clean views by the build that the command recommends."""
+    monkeypatch.setattr("hydroviews.__main__.estimate_poses", lambda images, out, rainy, features: capture_in(out))
+    for rainy in (False, True):
+        out = tmp_path / f"capture-{rainy}"
+        poses_command(tmp_path / "walk", out, rainy=rainy)
+        assert captured_rainy(out) == rainy

@@ -1,0 +1,474 @@
+"""Videos as captures: which frames are taken, what masks hide, and what a rainy video ends in."""
+
+import json
+import struct
+from itertools import pairwise
+from pathlib import Path
+from types import SimpleNamespace
+
+import cv2
+import numpy as np
+import PIL.Image
+import pytest
+from captures import capture, flower_walk, rained_on
+
+from hydroviews.__main__ import poses_command, video_command
+from hydroviews.captures.video import frames as frames_module
+from hydroviews.captures.video.capture import FEW, advise, capture_video, registration_notes
+from hydroviews.captures.video.frames import FrameChoice, sharpness, take_frames
+from hydroviews.captures.video.user_masks import fill, put_masks
+from hydroviews.dataset.build import build
+from hydroviews.dataset.checks.verify import verify
+from hydroviews.dataset.variants import open_clean, open_variant
+from hydroviews.errors import InputError
+from hydroviews.formats.capture_json import CAPTURED
+from hydroviews.formats.read import read_scene
+from hydroviews.rain.patterns import Pattern
+from hydroviews.rain.streaks.recipe import StreakPattern, composite, streak_layer
+from hydroviews.scene.images import read_image, resize_area, to_uint8, without_streaks, write_png
+from hydroviews.scene.masks import read_ignored
+from hydroviews.scene.seeds import generator
+
+
+def picture(seed: int, width: int = 64, height: int = 48) -> np.ndarray:
+    """A coarse random texture, uint8 [H, W, 3]."""
+    coarse = np.random.default_rng(seed).integers(30, 220, (6, 8, 3), np.uint8)
+    return cv2.resize(coarse, (width, height), interpolation=cv2.INTER_NEAREST)
+
+
+def write_video(path: Path, pictures, rate: float = 10, codec: str = "FFV1") -> Path:
+    """Losslessly, unless another codec is asked for."""
+    height, width = pictures[0].shape[:2]
+    video = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*codec), rate, (width, height))
+    for image in pictures:
+        video.write(np.ascontiguousarray(image[..., ::-1]))
+    video.release()
+    return path
+
+
+def blurred(image, pixels: int = 9):
+    return cv2.blur(image, (pixels, pixels))
+
+
+def taken(out: Path) -> list[dict]:
+    return json.loads((out / "frames.json").read_text())["frames"]
+
+
+def stored(out: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted((out / "images").iterdir())}
+
+
+@pytest.fixture
+def video(tmp_path):
+    """5 s at 10 frames a second; in every second the third frame after the full one is the only sharp one."""
+    pictures = [picture(i) if i % 10 == 2 else blurred(picture(i)) for i in range(50)]
+    return write_video(tmp_path / "walk.mkv", pictures)
+
+
+def test_the_sharpest_frame_near_each_second_is_taken(video, tmp_path):
+    assert take_frames(video, tmp_path / "out", FrameChoice()) == []
+    frames = taken(tmp_path / "out")
+    assert [frame["instant"] for frame in frames] == [0, 1, 2, 3, 4]
+    assert [frame["time"] for frame in frames] == pytest.approx([0.2, 1.2, 2.2, 3.2, 4.2])
+    for i, frame in enumerate(frames):
+        assert np.array_equal(to_uint8(read_image(tmp_path / "out/images" / frame["name"])), picture(10 * i + 2))
+    facts = json.loads((tmp_path / "out/video.json").read_text())
+    assert (facts["bytes"], facts["rate"]) == (video.stat().st_size, 1.0)
+
+
+def test_other_rates_take_no_frame_twice(video, tmp_path):
+    take_frames(video, tmp_path / "out", FrameChoice(rate=4))
+    times = [frame["time"] for frame in taken(tmp_path / "out")]
+    assert len(times) == 20
+    assert all(a < b for a, b in pairwise(times))
+    notes = take_frames(video, tmp_path / "fast", FrameChoice(rate=25))
+    assert len(taken(tmp_path / "fast")) < 125
+    assert "instants have no frame near them" in notes[0]
+
+
+def test_frames_can_be_shrunk_but_not_enlarged(video, tmp_path):
+    take_frames(video, tmp_path / "small", FrameChoice(long_side=32))
+    take_frames(video, tmp_path / "large", FrameChoice(long_side=999))
+    sizes = [read_image(tmp_path / out / "images/frame-00000.png").shape for out in ("small", "large")]
+    assert sizes == [(24, 32, 3), (48, 64, 3)]
+
+
+def test_sharpness_sees_blur_through_rain():
+    photograph = resize_area(read_image(next((capture("llff_flower") / "images").iterdir())), 640, 480)
+    kernel = np.full((1, 5), 0.2, np.float32)
+    for turned in (kernel, kernel.T):
+        values = []
+        for image, n in ((photograph, 100), (cv2.filter2D(photograph, -1, turned), 140)):
+            pattern = StreakPattern(n=n, length=30, angle=85.0, width=3)
+            rainy = composite(image, streak_layer(pattern, 640, 480, generator(n, "rain")), 0.8)
+            values.append(sharpness(to_uint8(rainy)))
+        assert values[0] > 1.1 * values[1]
+
+
+def test_an_interrupted_call_goes_on_and_lost_frames_come_back(video, tmp_path, monkeypatch):
+    take_frames(video, tmp_path / "whole", FrameChoice())
+    written = []
+
+    def interrupted(path, image):
+        if len(written) == 3:
+            raise KeyboardInterrupt
+        written.append(path)
+        write_png(path, image)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(frames_module, "write_png", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            take_frames(video, tmp_path / "out", FrameChoice())
+    assert len(stored(tmp_path / "out")) == 3
+    assert not (tmp_path / "out/frames.json").exists()
+    take_frames(video, tmp_path / "out", FrameChoice())
+    assert stored(tmp_path / "out") == stored(tmp_path / "whole")
+    (tmp_path / "out/images/frame-00002.png").unlink()
+    take_frames(video, tmp_path / "out", FrameChoice())
+    assert stored(tmp_path / "out") == stored(tmp_path / "whole")
+
+
+def test_other_settings_and_another_video_are_refused(video, tmp_path):
+    take_frames(video, tmp_path / "out", FrameChoice())
+    with pytest.raises(InputError, match=r"taken otherwise\n.*rate 1"):
+        take_frames(video, tmp_path / "out", FrameChoice(rate=2))
+    other = write_video(tmp_path / "other.mkv", [picture(i) for i in range(40)])
+    with pytest.raises(InputError, match=r"another video[\s\S]*sha256"):
+        take_frames(other, tmp_path / "out", FrameChoice())
+    take_frames(video.rename(tmp_path / "renamed.mkv"), tmp_path / "out", FrameChoice())
+
+
+def test_no_videos(tmp_path, capfd):
+    with pytest.raises(InputError, match=r"none\.mp4: no such file"):
+        take_frames(tmp_path / "none.mp4", tmp_path / "out", FrameChoice())
+    (tmp_path / "text.mp4").write_text("not a video " * 100)
+    with pytest.raises(InputError, match=r"text\.mp4: cannot be read as a video"):
+        take_frames(tmp_path / "text.mp4", tmp_path / "out", FrameChoice())
+    (tmp_path / "empty.avi").write_bytes(b"")
+    with pytest.raises(InputError, match=r"empty\.avi: cannot be read as a video"):
+        take_frames(tmp_path / "empty.avi", tmp_path / "out", FrameChoice())
+    assert not (tmp_path / "out").exists()
+    assert "WARN" not in capfd.readouterr().err  # of OpenCV
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [{"rate": 0}, {"rate": -1}, {"rate": float("nan")}, {"rate": float("inf")}, {"long_side": 0}, {"long_side": 5}],
+)
+def test_choices_that_are_none(settings):
+    with pytest.raises(InputError, match="--"):
+        FrameChoice(**settings)
+
+
+def test_a_short_video_says_which_rate_to_try(tmp_path):
+    short = write_video(tmp_path / "short.mkv", [picture(i) for i in range(20)])
+    with pytest.raises(InputError, match=r"too short at a rate of 1 a second\n.*2\.0 s[\s\S]*--rate 10\.0"):
+        take_frames(short, tmp_path / "out", FrameChoice())
+    take_frames(short, tmp_path / "fast", FrameChoice(rate=10))
+    assert len(taken(tmp_path / "fast")) == 20
+
+
+def test_a_video_that_gives_as_many_frames_as_a_scene_needs_is_long_enough(tmp_path):
+    short = write_video(tmp_path / "short.mkv", [picture(i) for i in range(29)])
+    take_frames(short, tmp_path / "out", FrameChoice())  # at 0, 1 and 2 of its 2.9 seconds
+    assert len(taken(tmp_path / "out")) == 3
+
+
+def test_commands_that_are_told_can_be_pasted(tmp_path, monkeypatch, capsys):
+    for name in ("capture_video", "estimate_poses"):
+        monkeypatch.setattr(f"hydroviews.__main__.{name}", lambda *_, **__: SimpleNamespace(notes=[], views=[]))
+    video_command(tmp_path / "a film.mkv")
+    poses_command(tmp_path / "a walk")
+    told = capsys.readouterr().out
+    assert f"`make eval METHOD=3dgs SCENE='{tmp_path}/a film-capture'`" in told
+    assert f"`hydroviews build '{tmp_path}/a walk-capture'`" in told
+
+
+def test_a_video_cut_short_gives_what_can_be_read(tmp_path):
+    whole = write_video(tmp_path / "whole.avi", [picture(i, 160, 120) for i in range(100)], codec="MJPG")
+    cut = tmp_path / "cut.avi"
+    cut.write_bytes(whole.read_bytes()[: whole.stat().st_size * 6 // 10])
+    notes = take_frames(cut, tmp_path / "out", FrameChoice())
+    assert "cut.avi is cut short" in notes[0]
+    assert 5 <= len(taken(tmp_path / "out")) <= 7
+    assert take_frames(cut, tmp_path / "out", FrameChoice()) == notes  # told again
+
+
+def trimmed(path: Path, source: Path) -> Path:
+    """The first half of an MP4 film, as telephones trim it: all frames stay, and an edit list says which are shown."""
+    content = bytearray(source.read_bytes())
+    duration = content.index(b"elst") + 12  # after type, version and number of entries
+    (whole,) = struct.unpack_from(">I", content, duration)
+    struct.pack_into(">I", content, duration, whole // 2)
+    path.write_bytes(content)
+    return path
+
+
+def test_a_trimmed_video_is_not_called_damaged_alone(tmp_path):
+    film = write_video(tmp_path / "film.mp4", [picture(i) for i in range(60)], codec="mp4v")
+    notes = take_frames(trimmed(tmp_path / "half.mp4", film), tmp_path / "out", FrameChoice())
+    assert notes == ["half.mp4 is cut short or was trimmed: 30 of its 60 frames could be read"]
+    film = write_video(tmp_path / "film.mp4", [picture(i) for i in range(40)], codec="mp4v")
+    with pytest.raises(InputError, match=r"damaged or trimmed after 2\.0 s[\s\S]*if it was trimmed.*--rate 10\.0"):
+        take_frames(trimmed(tmp_path / "quarter.mp4", film), tmp_path / "short", FrameChoice())
+
+
+def test_a_colon_in_a_name_is_no_protocol(video, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    take_frames(video.rename("12:30.mkv"), tmp_path / "out", FrameChoice())
+    assert len(taken(tmp_path / "out")) == 5
+
+
+def test_what_people_add_to_capture_json_stays(video, tmp_path):
+    capture_video(video, tmp_path / "out", FrameChoice(), frames_only=True)
+    path = tmp_path / "out" / "capture.json"
+    made = json.loads(path.read_text())
+    path.write_text(json.dumps({**made, "metres_per_unit": 0.5, "rain": "unknown"}))
+    capture_video(video, tmp_path / "out", FrameChoice(), frames_only=True)
+    assert json.loads(path.read_text()) == {**made, "metres_per_unit": 0.5}
+
+
+def test_a_damaged_video_is_not_called_short(tmp_path):
+    whole = write_video(tmp_path / "whole.avi", [picture(i, 160, 120) for i in range(100)], codec="MJPG")
+    content = bytearray(whole.read_bytes())
+    size = len(content)
+    content[size // 20 : -size // 20] = np.random.default_rng(0).bytes(len(content[size // 20 : -size // 20]))
+    (tmp_path / "noisy.avi").write_bytes(content)
+    with pytest.raises(InputError, match=r"noisy\.avi: damaged or trimmed after 0\.\d s\n.*\d of its 100 frames"):
+        take_frames(tmp_path / "noisy.avi", tmp_path / "out", FrameChoice())
+
+
+@pytest.mark.parametrize("name", ["a.png", "a.jpg", "a.webp", "a.heic"])
+def test_a_picture_is_no_film(tmp_path, name):
+    write_png(tmp_path / "a.png", picture(0))
+    PIL.Image.open(tmp_path / "a.png").save(tmp_path / name, "png" if name == "a.heic" else None)
+    with pytest.raises(InputError, match=f"{name}: a picture, not a film"):
+        take_frames(tmp_path / name, tmp_path / "out", FrameChoice())
+    (tmp_path / "a.heic").write_bytes(b"what Pillow cannot read")
+    with pytest.raises(InputError, match="a picture, not a film"):
+        take_frames(tmp_path / "a.heic", tmp_path / "out", FrameChoice())
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_moving_picture_is_a_film(tmp_path):
+    pictures = [PIL.Image.fromarray(picture(i)) for i in range(40)]
+    pictures[0].save(tmp_path / "a.gif", save_all=True, append_images=pictures[1:], duration=100)
+    take_frames(tmp_path / "a.gif", tmp_path / "out", FrameChoice())
+    assert len(taken(tmp_path / "out")) == 4
+
+
+def test_frames_stand_upright(tmp_path):
+    """The header of a video from a telephone held upright: turn by 90 degrees when shown."""
+    lying = write_video(tmp_path / "lying.mp4", [picture(3)] * 40, codec="mp4v")
+    content = bytearray(lying.read_bytes())
+    matrix = content.index(b"tkhd") + 4 + 40
+    content[matrix : matrix + 36] = struct.pack(">9i", 0, 1 << 16, 0, -(1 << 16), 0, 0, 48 << 16, 0, 1 << 30)
+    (tmp_path / "upright.mp4").write_bytes(content)
+    take_frames(tmp_path / "upright.mp4", tmp_path / "out", FrameChoice())
+    upright = read_image(tmp_path / "out/images/frame-00001.png")
+    assert upright.shape == (64, 48, 3)
+    assert np.abs(upright - np.rot90(picture(3), -1) / 255).mean() < 0.05
+
+
+def times(out: Path) -> dict[str, float]:
+    return {frame["name"]: frame["time"] for frame in taken(out)}
+
+
+def masks_of(out: Path) -> dict[str, np.ndarray]:
+    return {path.name[:-4]: read_ignored(path) for path in sorted((out / "masks").iterdir())}
+
+
+@pytest.fixture
+def corner():
+    hidden = np.zeros((48, 64), bool)
+    hidden[30:, 40:] = True
+    return hidden
+
+
+def white(hidden):
+    return np.where(hidden[..., None], np.uint8(255), np.uint8(0)).repeat(3, axis=2)
+
+
+def test_one_mask_for_all_frames_hides_in_white(video, tmp_path, corner):
+    take_frames(video, tmp_path / "out", FrameChoice())
+    write_png(tmp_path / "corner.png", white(corner.repeat(2, 0).repeat(2, 1)))  # of twice the size
+    before = stored(tmp_path / "out")
+    assert put_masks(tmp_path / "corner.png", tmp_path / "out", times(tmp_path / "out"), inpaint=False) == []
+    found = masks_of(tmp_path / "out")
+    assert found.keys() == before.keys()
+    assert all(np.array_equal(ignored, corner) for ignored in found.values())
+    assert stored(tmp_path / "out") == before
+    with pytest.raises(InputError, match="other masks"):
+        put_masks(tmp_path / "corner.png", tmp_path / "out", times(tmp_path / "out"), inpaint=True)
+
+
+def test_masks_named_like_frames(video, tmp_path, corner):
+    take_frames(video, tmp_path / "out", FrameChoice())
+    write_png(tmp_path / "drawn" / "frame-00001.png", white(corner))
+    notes = put_masks(tmp_path / "drawn", tmp_path / "out", times(tmp_path / "out"), inpaint=False)
+    assert "4 of 5 frames have no mask" in notes[0]
+    found = masks_of(tmp_path / "out")
+    assert np.array_equal(found.pop("frame-00001.png"), corner)
+    assert not any(ignored.any() for ignored in found.values())
+    write_png(tmp_path / "other" / "people.png", white(corner))
+    take_frames(video, tmp_path / "out2", FrameChoice())
+    with pytest.raises(InputError, match=r"no mask is named like a frame[\s\S]*frame-00000\.png"):
+        put_masks(tmp_path / "other", tmp_path / "out2", times(tmp_path / "out2"), inpaint=False)
+
+
+def test_a_video_of_masks_runs_beside(video, tmp_path):
+    take_frames(video, tmp_path / "out", FrameChoice())
+    columns = np.zeros((50, 48, 64), bool)
+    for i in range(50):
+        columns[i, :, i] = True
+    masks = write_video(tmp_path / "masks.mkv", [white(hidden) for hidden in columns])
+    put_masks(masks, tmp_path / "out", times(tmp_path / "out"), inpaint=False)
+    for name, time in times(tmp_path / "out").items():
+        assert np.array_equal(masks_of(tmp_path / "out")[name], columns[round(10 * time)])
+    take_frames(video, tmp_path / "slow", FrameChoice())
+    slow = write_video(tmp_path / "slow.mkv", [white(hidden) for hidden in columns[::4]], rate=2.5)
+    put_masks(slow, tmp_path / "slow", times(tmp_path / "slow"), inpaint=False)
+    assert np.array_equal(masks_of(tmp_path / "slow")["frame-00001.png"], columns[12])
+    assert np.array_equal(masks_of(tmp_path / "slow")["frame-00002.png"], columns[20] | columns[24])  # at 2.2 s
+    short = write_video(tmp_path / "short.mkv", [white(hidden) for hidden in columns[:20]])
+    take_frames(video, tmp_path / "out2", FrameChoice())
+    with pytest.raises(InputError, match="shorter than the video"):
+        put_masks(short, tmp_path / "out2", times(tmp_path / "out2"), inpaint=False)
+
+
+def test_masks_the_other_way_round_are_told_before_they_hide_anything(video, tmp_path, corner):
+    out = tmp_path / "out"
+    take_frames(video, out, FrameChoice())
+    before = stored(out)
+    write_png(tmp_path / "all.png", white(corner | True))
+    with pytest.raises(InputError, match=r"all\.png: every pixel is hidden\n.*white where"):
+        put_masks(tmp_path / "all.png", out, times(out), inpaint=True)
+    assert stored(out) == before
+    write_png(tmp_path / "inverted.png", white(~corner))
+    notes = put_masks(tmp_path / "inverted.png", out, times(out), inpaint=False)
+    assert "86% of the pixels are hidden; white is hidden: are they the other way round?" in notes[0]
+
+
+def test_masks_of_another_shape(video, tmp_path):
+    take_frames(video, tmp_path / "out", FrameChoice())
+    write_png(tmp_path / "wide.png", np.zeros((20, 64, 3), np.uint8))
+    with pytest.raises(InputError, match=r"of another shape than the frames\n.*64x20"):
+        put_masks(tmp_path / "wide.png", tmp_path / "out", times(tmp_path / "out"), inpaint=False)
+    with pytest.raises(InputError, match="no such file or folder"):
+        put_masks(tmp_path / "none", tmp_path / "out", times(tmp_path / "out"), inpaint=False)
+
+
+def test_nothing_hidden_is_left_after_filling_in(video, tmp_path, corner):
+    rng = np.random.default_rng(0)
+    image = picture(0)
+    secret = np.where(corner[..., None], rng.integers(0, 256, image.shape, np.uint8), image)
+    assert np.array_equal(fill(secret, corner), fill(image, corner))
+    assert np.array_equal(fill(secret, corner)[~corner], image[~corner])
+    assert not fill(secret, np.ones_like(corner)).any()
+    take_frames(video, tmp_path / "out", FrameChoice())
+    write_png(tmp_path / "corner.png", white(corner))
+    before = stored(tmp_path / "out")
+    put_masks(tmp_path / "corner.png", tmp_path / "out", times(tmp_path / "out"), inpaint=True)
+    filled = stored(tmp_path / "out")
+    assert all(filled[name] != before[name] for name in before)
+    put_masks(tmp_path / "corner.png", tmp_path / "out", times(tmp_path / "out"), inpaint=True)
+    assert stored(tmp_path / "out") == filled
+    (tmp_path / "out/images/frame-00003.png").unlink()  # taken again, it must be filled in again
+    take_frames(video, tmp_path / "out", FrameChoice())
+    put_masks(tmp_path / "corner.png", tmp_path / "out", times(tmp_path / "out"), inpaint=True)
+    assert stored(tmp_path / "out") == filled
+
+
+def rainy_walk(path: Path) -> Path:
+    """Seven views of the flower, a second each: one sharp and rainy, the others blurred."""
+    pictures = []
+    for i, (_, image) in enumerate(flower_walk()[:7]):
+        rainy = to_uint8(resize_area(rained_on(image, i), 320, 240))
+        pictures += [rainy, *[blurred(rainy)] * 3]
+    return write_video(path, pictures, rate=4)
+
+
+def test_a_rainy_video_becomes_a_scene_without_clean_views(tmp_path):
+    video = rainy_walk(tmp_path / "walk.mkv")
+    hidden = np.zeros((240, 320), bool)
+    hidden[176:, 256:] = True
+    write_png(tmp_path / "hide.png", white(hidden))
+    settings = {"masks": tmp_path / "hide.png", "inpaint": True}
+    assert capture_video(video, tmp_path / "walk", FrameChoice(), frames_only=True, **settings) is None
+    scene = capture_video(video, tmp_path / "walk", FrameChoice(), **settings)
+    assert len(scene.views) >= 6
+    assert scene.captured_rainy
+    about = json.loads((tmp_path / "walk/capture.json").read_text())
+    assert (about["rain"], about["video"], about["inpainted"]) == ("captured", "walk.mkv", True)
+    found = scene.views[0].ignored()
+    assert 0.5 < found.sum() / hidden.sum() < 1.5
+    pixels = [view.camera.project(scene.points.positions)[0] for view in scene.views]
+    assert len(scene.points) > 100
+    assert all(np.isfinite(p).all() for p in pixels)
+    with pytest.raises(InputError, match="begun with masks"):
+        capture_video(video, tmp_path / "walk", FrameChoice())
+
+    folder = build(scene, tmp_path / "data", patterns=[], long_side=100)
+    assert not (folder / "clean").exists()
+    opened = open_variant(folder, CAPTURED)
+    assert opened.captured_rainy
+    assert len(opened.train_views) + len(opened.test_views) == len(scene.views)
+    assert opened.views[0].ignored().shape == opened.views[0].image().shape[:2]
+    assert verify(tmp_path / "data") == []
+    with pytest.raises(InputError, match="taken in rain, there are no clean views"):
+        open_clean(folder)
+    with pytest.raises(InputError, match="taken in rain, and streak-0 is not added to that"):
+        build(scene, tmp_path / "other", patterns=[Pattern("streak", 0)])
+    assert read_scene(folder / CAPTURED).split == scene.split
+
+
+def test_too_few_registered_frames_say_what_to_do(tmp_path):
+    rng = np.random.default_rng(0)
+    noise = write_video(
+        tmp_path / "noise.mkv", [rng.integers(0, 256, (48, 64, 3), np.uint8) for _ in range(16)], rate=4
+    )
+    with pytest.raises(InputError, match=r"only 0 of 4 photographs could be registered[\s\S]*--rate 2[\s\S]*--masks"):
+        capture_video(noise, tmp_path / "out", FrameChoice())
+    assert registration_notes([], 9, "") == []
+    assert registration_notes(["b.png"], 9, "") == ["1 of 9 frames could not be registered and are left out: b.png"]
+    advice = advise(FrameChoice(rate=1.5), masked=True)
+    assert "--rate 3 " in advice
+    assert "--masks" not in advice
+    assert advice in registration_notes(["b.png"] * (10 - int(FEW * 10) + 1), 10, advice)[1]
+
+
+def test_a_dry_video_has_clean_views(tmp_path):
+    video = write_video(tmp_path / "dry.mkv", [picture(i) for i in range(16)], rate=4)
+    capture_video(video, tmp_path / "out", FrameChoice(), dry=True, frames_only=True)
+    assert json.loads((tmp_path / "out/capture.json").read_text())["rain"] == "none"
+    with pytest.raises(InputError, match="nothing to fill in"):
+        capture_video(video, tmp_path / "out", FrameChoice(), inpaint=True)
+
+
+def test_copies_for_features_lose_streaks_and_keep_the_rest():
+    grey = np.full((320, 480), 90, np.uint8)
+    grey[100:200, 100:200] = 200  # part of the scene
+    rainy = grey.copy()
+    for x in range(10, 480, 30):
+        rainy[20:60, x : x + 3] = 250
+        rainy[220:300, x : x + 4] = 180
+    assert np.array_equal(without_streaks(rainy), grey)
+    coloured = np.stack([rainy, grey, rainy], axis=-1)
+    assert np.array_equal(without_streaks(coloured), np.stack([grey] * 3, axis=-1))
+    large = np.full((320, 1920), 90, np.uint8)
+    large[:, 700:712] = 250  # as wide, for a picture of that size
+    assert (without_streaks(large) == 90).all()
+    assert without_streaks(np.full((2, 3), 7, np.uint8)).tolist() == [[7] * 3] * 2
+
+
+def test_what_comes_next_is_told_with_and_without_masks(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("hydroviews.__main__.capture_video", lambda *given, **named: None)
+    video_command(tmp_path / "walk.mp4", frames_only=True)
+    assert "then add --masks FOLDER" in capsys.readouterr().out
+    video_command(tmp_path / "walk.mp4", frames_only=True, masks=tmp_path / "drawn")
+    assert capsys.readouterr().out == f"masks: {tmp_path / 'walk-capture' / 'masks'}; go on without --frames-only\n"
+
+
+def test_a_folder_of_photographs_is_not_a_film(tmp_path):
+    with pytest.raises(InputError, match=r"a folder, not a film\n.*hydroviews poses"):
+        take_frames(tmp_path, tmp_path / "out", FrameChoice())

@@ -1,0 +1,193 @@
+"""Masks of other programs hide what they are meant to; those that hide nothing are told."""
+
+import cv2
+import numpy as np
+import pytest
+from painted_room import picture, scene_in_room, write_room
+
+from hydroviews.__main__ import poses_command
+from hydroviews.formats.mask_files.names import mask_key
+from hydroviews.formats.photographs import photographs_below
+from hydroviews.formats.read import read_scene
+from hydroviews.scene.images import write_png
+from hydroviews.scene.masks import read_ignored
+
+HIDDEN = np.zeros((64, 96), bool)
+HIDDEN[20:40, 30:60] = True
+GREY = np.where(HIDDEN, np.uint8(0), np.uint8(255))
+
+
+@pytest.fixture
+def capture(tmp_path):
+    """Nine JPEG-named photographs; a model of them."""
+    scene = scene_in_room(tmp_path / "walk")
+    folder = write_room(scene, tmp_path / "walk", "colmap")
+    for path in list((folder / "images").glob("[!.]*")):
+        cv2.imwrite(str(path.with_suffix(".jpg")), cv2.imread(str(path)))
+        path.unlink()
+    return folder
+
+
+def write_masks(capture, name, pixels=GREY, count=9):
+    for i in range(count):
+        path = capture / name.format(f"view-{i:02d}")
+        path.parent.mkdir(exist_ok=True)
+        assert cv2.imwrite(str(path), pixels)
+
+
+def warnings(caplog):
+    return [record.message for record in caplog.records if record.levelname == "WARNING"]
+
+
+def hidden_shares(scene):
+    return [0.0 if (ignored := view.ignored()) is None else ignored.mean() for view in scene.views]
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "masks/{}.jpg.png",
+        "masks/{}.png",
+        "masks/{}.jpg",
+        "masks/{}_mask.png",
+        "masks/mask_{}.png",
+        "masks/{}.mask.png",
+        "masks/{}.jpg.mask.png",
+        "masks/{}.JPG.png",
+        "mask/{}.png",
+        "Masks/{}.jpg.png",
+        "masks_2/{}.png",
+        "dynamic_masks/{}.png",
+        "segmentation/{}.png",
+        "images/{}_mask.png",
+    ],
+)
+def test_masks_of_other_names_hide_the_same(capture, caplog, name):
+    write_masks(capture, name)
+    scene = read_scene(capture)
+    assert np.allclose(hidden_shares(scene), HIDDEN.mean(), atol=0.01)
+    assert "9 of 9 views have a mask" in scene.notes
+    assert any(note.startswith(f"masks hide {HIDDEN.mean():.1%} of the pixels") for note in scene.notes)
+    assert "cameras from sparse/0: 9 of 9 images registered" in scene.notes
+    assert warnings(caplog) == []
+
+
+def test_white_is_hidden_in_dynamic_masks(capture):
+    write_masks(capture, "images/dynamic_mask_{}.png", 255 - GREY)
+    assert np.allclose(hidden_shares(read_scene(capture)), HIDDEN.mean())
+    assert len(photographs_below(capture / "images")) == 9
+
+
+def test_one_mask_for_all(capture):
+    write_masks(capture, "masks/mask.png")
+    assert np.allclose(hidden_shares(read_scene(capture)), HIDDEN.mean())
+
+
+def test_masks_for_some_name_the_others(capture, caplog):
+    write_masks(capture, "masks/{}.jpg.png", count=2)
+    write_masks(capture, "masks/{}_mask.png", count=4)
+    for i in range(2):
+        (capture / f"masks/view-{i:02d}_mask.png").unlink()
+    scene = read_scene(capture)
+    assert np.allclose(hidden_shares(scene), [HIDDEN.mean()] * 4 + [0] * 5)
+    assert "without a mask, and shown whole: view-04, view-05, view-06, view-07, view-08" in scene.notes
+    assert warnings(caplog) == []
+
+
+def test_masks_that_fit_no_photograph_are_warned_of(capture, caplog):
+    write_masks(capture, "masks/{}.jpg.png", count=7)
+    write_masks(capture, "masks/other-{}.png", count=2)
+    read_scene(capture)
+    (said,) = warnings(caplog)
+    assert said.startswith("2 masks fit no photograph and hide nothing (other-view-00.png, other-view-01.png)")
+
+
+def test_masks_of_which_none_fits_are_warned_of(capture, caplog):
+    write_masks(capture, "masks/IMG_{}.png")
+    scene = read_scene(capture)
+    assert "none is named as it should be, such as view-00.jpg.png" in " ".join(warnings(caplog))
+    assert "none is named as it should be" in " ".join(scene.notes)
+
+
+def test_masks_that_hide_nothing_are_warned_of(capture, caplog):
+    write_masks(capture, "masks/{}.png", np.full_like(GREY, 255))
+    assert "masks hide 0.0% of the pixels" in read_scene(capture).notes
+    assert "9 masks hide nothing" in " ".join(warnings(caplog))
+
+
+def with_alpha(colour):
+    return np.dstack([colour, GREY])
+
+
+CUT_OUT = np.random.default_rng(0).integers(0, 256, (64, 96, 3)).astype(np.uint8)
+
+
+@pytest.mark.parametrize(
+    "pixels",
+    [
+        np.maximum(GREY, 10),
+        np.where(HIDDEN, np.uint8(90), np.uint8(160)),
+        GREY // 255,
+        (GREY // 255) * np.uint8(3),
+        with_alpha(np.full((64, 96, 3), 255, np.uint8)),
+        with_alpha(np.zeros((64, 96, 3), np.uint8) + GREY[..., None]),
+        with_alpha(CUT_OUT),
+        GREY.astype(np.uint16) * 257,
+    ],
+    ids=["10 of 255", "greys", "0 and 1", "0 and 3", "alpha alone", "alpha and black", "cut out", "16 bits"],
+)
+def test_masks_of_other_values_hide_the_same(tmp_path, pixels):
+    cv2.imwrite(str(tmp_path / "mask.png"), pixels)
+    assert np.array_equal(read_ignored(tmp_path / "mask.png"), HIDDEN)
+
+
+def test_masks_after_jpeg_hide_the_same_but_for_the_edges(tmp_path):
+    cv2.imwrite(str(tmp_path / "mask.jpg"), GREY, [cv2.IMWRITE_JPEG_QUALITY, 60])
+    assert (read_ignored(tmp_path / "mask.jpg") == HIDDEN).mean() > 0.995
+
+
+def test_transparent_pixels_of_photographs_are_hidden_and_no_black_holes(tmp_path, caplog):
+    scene = scene_in_room(tmp_path / "walk")
+    folder = write_room(scene, tmp_path / "walk", "colmap")
+    for view in scene.views:
+        pixels = cv2.imread(str(view.path))
+        cv2.imwrite(str(view.path), np.dstack([pixels, GREY]))
+    read = read_scene(folder)
+    assert np.allclose(hidden_shares(read), HIDDEN.mean())
+    assert "transparent pixels of 9 photographs are hidden" in read.notes
+    assert np.abs(read.views[3].image() - picture(scene.views[3].camera)).max() < 0.003
+    assert np.array_equal(read.views[3].rounded(), (255 * read.views[3].image() + 0.5).astype(np.uint8))
+    assert warnings(caplog) == []
+
+
+def test_opaque_photographs_hide_nothing(tmp_path):
+    scene = scene_in_room(tmp_path / "walk")
+    folder = write_room(scene, tmp_path / "walk", "colmap")
+    for view in scene.views:
+        cv2.imwrite(str(view.path), np.dstack([cv2.imread(str(view.path)), np.full_like(GREY, 255)]))
+    assert all(view.mask is None for view in read_scene(folder).views)
+
+
+def test_masks_are_no_photographs(tmp_path):
+    for name in ("images/a.jpg", "images/mask_of_gold.jpg", "images/a_mask.jpg", "masks/a.png", "masks/b.png"):
+        write_png(tmp_path / name, np.zeros((4, 4, 3), np.float32))
+    names = [path.relative_to(tmp_path).as_posix() for path in photographs_below(tmp_path)]
+    assert names == ["images/a.jpg", "images/mask_of_gold.jpg"]
+    assert len(photographs_below(tmp_path / "masks")) == 2
+
+
+def test_masks_beside_photographs_without_cameras_are_told(capture, tmp_path, caplog, monkeypatch):
+    write_masks(capture, "masks/{}.jpg.png")
+    monkeypatch.setattr("hydroviews.__main__.estimate_poses", lambda *_, **__: read_scene(capture))
+    poses_command(capture / "images", tmp_path / "out")
+    assert f"{capture / 'masks'}: masks are not used to estimate cameras" in " ".join(warnings(caplog))
+    assert f"copy them to {tmp_path / 'out' / 'masks'}" in " ".join(warnings(caplog))
+
+
+@pytest.mark.parametrize(
+    ("name", "key"),
+    [("cam/000.JPG.png", "cam/000"), ("000_mask.png", "000"), ("dynamic_mask_000.png", "000"), ("mask.png", ""),
+     ("000.jpg.mask.png", "000"), ("masked_000.png", "masked_000"), ("v1.2.jpg", "v1.2"), ("mask-7.png", "7")],
+)  # fmt: skip
+def test_keys_of_names(name, key):
+    assert mask_key(name) == key
