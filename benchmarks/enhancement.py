@@ -22,15 +22,15 @@ from baselines.training.supervised_training import Intervals
 from benchmarks.tables import report, rows_of
 from benchmarks.timing import least
 from deraings.enhancement.__main__ import VALIDATION_SEED, WATCHED
-from deraings.enhancement.config import TrainingConfig
-from deraings.enhancement.data import Data, described, training_pairs
+from deraings.enhancement.architecture.network import CONFIGS, EnhancementNetwork, NetworkConfig
+from deraings.enhancement.architecture.size import measure
 from deraings.enhancement.enhance import enhance
-from deraings.enhancement.network import CONFIGS, EnhancementNetwork, NetworkConfig
-from deraings.enhancement.pairs import Pairs
-from deraings.enhancement.size import measure
-from deraings.enhancement.training import train
-from deraings.enhancement.validation import as_columns, scores
-from deraings.enhancement.validation_pictures import validation_set
+from deraings.enhancement.training.config import TrainingConfig
+from deraings.enhancement.training.data import Data, described, training_pairs
+from deraings.enhancement.training.loop import train
+from deraings.enhancement.training.pairs import Pairs
+from deraings.enhancement.validation.pictures import validation_set
+from deraings.enhancement.validation.scores import as_columns, scores
 from deraings.enhancement.weights import Enhancer
 
 SIZE = 400, 300
@@ -39,7 +39,7 @@ TURNS = 3
 MEMORY = """
 import sys, torch
 from deraings.enhancement.enhance import enhance
-from deraings.enhancement.network import CONFIGS, EnhancementNetwork
+from deraings.enhancement.architecture.network import CONFIGS, EnhancementNetwork
 from deraings.enhancement.weights import Enhancer
 from dataclasses import replace
 from leaderboard.runs.train_and_render import peak_memory_mb

@@ -17,12 +17,12 @@ import tyro
 from baselines.training.supervised_training import Intervals, Validate
 from benchmarks.tables import report
 from deraings.enhancement.__main__ import VALIDATION_SEED, WATCHED
-from deraings.enhancement.config import TrainingConfig
-from deraings.enhancement.data import Data, described, started_from, training_pairs
-from deraings.enhancement.network import EnhancementNetwork
-from deraings.enhancement.training import train
-from deraings.enhancement.validation import scores
-from deraings.enhancement.validation_pictures import FAMILIES, validation_set
+from deraings.enhancement.architecture.network import EnhancementNetwork
+from deraings.enhancement.training.config import TrainingConfig
+from deraings.enhancement.training.data import Data, described, started_from, training_pairs
+from deraings.enhancement.training.loop import train
+from deraings.enhancement.validation.pictures import FAMILIES, validation_set
+from deraings.enhancement.validation.scores import scores
 from hydroviews.rain.patterns import Pattern
 
 MEDIUM = tuple(Pattern(effect, 1) for effect in ("window", "raindrop", "streak"))

@@ -16,7 +16,7 @@ from baselines.training.images import TrainingImages, read_images
 from deraings.enhancement.views import EnhancedViews
 from deraings.enhancement.weights import DEFAULT, find_weights, load_enhancer
 from deraings.image_planes import Plane
-from deraings.rain_model.mist_or_fog import may_remove_mist, point_colours
+from deraings.lens.paleness import may_remove_mist, point_colours
 from hydroviews.files.atomic import sha256
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image

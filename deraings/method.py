@@ -19,18 +19,18 @@ from baselines.training.images import TrainingImages, read_images
 from deraings.enhanced_method import KEPT, enhanced_views
 from deraings.enhancement.views import EnhancedViews
 from deraings.enhancement.weights import DEFAULT, find_weights
+from deraings.lens.paleness import point_colours
 from deraings.masks.config import MaskConfig
 from deraings.masks.occlusion_masks import OcclusionMasks
-from deraings.rain_model.mist_or_fog import point_colours
-from deraings.rain_model.model import RainConfig
+from deraings.rain_model.config import RainConfig
 from deraings.rain_model.objective import RainObjective
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import sha256
 from hydroviews.scene.scenes import Scene
 
 SHORT_TRAINING = 2000  # iterations, below which a training is short
-RENEWED_DROPS_ALONE = RainConfig(mist=None, drops=None, staying=None, rain_layer=None, streaks=None, enhanced=None)
-NO_RAIN = replace(RENEWED_DROPS_ALONE, renewed=None)
+OCCLUSION_ALONE = RainConfig(mist=None, drops=None, rainfall=None, enhanced=0.0)
+NO_RAIN = replace(OCCLUSION_ALONE, occlusion=None)
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ def masks_for(splatting: TrainerConfig, **changed: Any) -> MaskConfig:
 def paper_config(splatting: TrainerConfig, **changed: Any) -> DeRainGSConfig:
     """The paper's method, with masks that are changed in some settings."""
     masks = masks_for(splatting, **changed)
-    return DeRainGSConfig(splatting, enhancement=DEFAULT, masks=masks, rain=RENEWED_DROPS_ALONE)
+    return DeRainGSConfig(splatting, enhancement=DEFAULT, masks=masks, rain=OCCLUSION_ALONE)
 
 
 def profiles(configure: Callable[[TrainerConfig], DeRainGSConfig]) -> dict[str, DeRainGSConfig]:
@@ -124,7 +124,7 @@ class DeRainGS(GaussianSplatting):
             config.rain,
             config.splatting.lambda_dssim,
             masks=self._masks(images, views if config.enhancement else None),
-            prior=views if config.prior else None,
+            network=views if config.prior else None,
             points=points,
             covers=views,
         )
@@ -192,6 +192,6 @@ class Everything(DeRainGS):
             splatting,
             enhancement=DEFAULT,
             masks=masks_for(splatting),
-            rain=RainConfig(rain_layer=None, staying=None),
+            rain=RainConfig(rainfall=None, occlusion=None),
         )
     )

@@ -18,7 +18,7 @@ from baselines.splatting.config import TrainerConfig
 from baselines.training.checkpoints import below, prefixed
 from baselines.training.images import TrainingImages
 from deraings.image_planes import Plane, resized
-from deraings.lens_views import AROUND, mean_around
+from deraings.lens.views import AROUND, mean_around
 from hydroviews.scene.masks import Ignored
 
 LENS = "lens"  # of names in a checkpoint

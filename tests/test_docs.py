@@ -202,12 +202,11 @@ def test_the_reference_lists_every_setting_of_a_method(hooks):
 
 
 def test_the_reference_says_what_a_setting_means_wherever_its_class_says_it(hooks):
-    from deraings.rain_model.mist_config import MistConfig
-    from deraings.rain_model.model import RainConfig
+    from deraings.rain_model.config import MistConfig, RainConfig
 
     meanings = {name: meaning for name, _, meaning in hooks.fields(RainConfig())}
-    assert meanings["mist.cells"] == "grid cells along the longer side, at least 1."
-    assert meanings["mist.start"].endswith("from 0.03 on.")  # of two lines
+    assert meanings["drops.noise"].startswith("standard deviation of renders, encoded, positive")
+    assert meanings["mist.slack"].endswith("that most is a quantile.")  # of two lines
     assert all(meanings.values())
     assert hooks.comments(MistConfig).keys() == {field.name for field in dataclasses.fields(MistConfig)}
 

@@ -3,8 +3,9 @@
 One picture goes in, the same picture without rain comes out; nothing is known of the scene.
 
     enhance.py        pictures of any size, in overlapping tiles where they are large
-    network.py        the network; mist_branch.py takes mist off the whole picture first; size.py counts operations
+    views.py          a scene's training photographs, each enhanced once and kept; clear_pixels.py between drops
     weights.py        trained networks on disk, the shipped one in weights/
-    views.py          a scene's training photographs, each enhanced once and kept
-    training.py       the training: config.py, loss.py, validation.py; data from data.py, pairs.py, pair_folders.py
+    architecture/     the network, its parts, and the statistics of the lens that they receive
+    training/         the loop, the loss, and the pairs that are drawn or read
+    validation/       errors on held-out photographs in known rain
 """

@@ -1,4 +1,4 @@
-"""python -m deraings.enhancement train | export | validate | enhance | describe."""
+"""python -m deraings.enhancement train | export | average | validate | enhance | describe."""
 
 from hydroviews.cli.starting import begin
 
@@ -19,18 +19,18 @@ from baselines.training.devices import chosen_device
 from baselines.training.network_commands import WEIGHTS, load_trained, require_own_files, rounded, use_threads
 from baselines.training.supervised_training import Intervals, network_fingerprint
 from baselines.training.validation import as_json
+from deraings.enhancement.architecture.lenses import lenses_of_capture
+from deraings.enhancement.architecture.network import CONFIGS, EnhancementNetwork
+from deraings.enhancement.architecture.size import describe
 from deraings.enhancement.before_after import before_and_after, on_sheet
-from deraings.enhancement.calibration import draw_calibration
-from deraings.enhancement.config import TrainingConfig
-from deraings.enhancement.data import Data, described, started_from, training_pairs
 from deraings.enhancement.enhance import enhance
-from deraings.enhancement.lenses import lenses_of_capture
-from deraings.enhancement.network import CONFIGS, EnhancementNetwork
-from deraings.enhancement.size import describe
-from deraings.enhancement.training import EnhancementTraining, train
-from deraings.enhancement.validation import Score, as_columns, scores, scores_by_companions, table
-from deraings.enhancement.validation_pictures import LONG_SIDE, PATTERNS, validation_set
-from deraings.enhancement.weights import load_enhancer, save_network
+from deraings.enhancement.training.config import TrainingConfig
+from deraings.enhancement.training.data import Data, described, started_from, training_pairs
+from deraings.enhancement.training.loop import EnhancementTraining, train
+from deraings.enhancement.validation.calibration import draw_calibration
+from deraings.enhancement.validation.pictures import LONG_SIDE, PATTERNS, validation_set
+from deraings.enhancement.validation.scores import Score, as_columns, scores, scores_by_companions, table
+from deraings.enhancement.weights import load_enhancer, mean_network, save_network
 from hydroviews.captures.single_pictures import read_upright
 from hydroviews.cli.commands import run_command
 from hydroviews.cli.threads import processors
@@ -115,12 +115,51 @@ def write_weights(request: TrainingRequest, training: EnhancementTraining, data:
         "held out": [file.name for file in held_out],
         "validation": {f"{count} companions": _scores_alone(row) for count, row in rows.items()},
     }
-    path = request.out / WEIGHTS
-    save_network(path, request.training.network, training.averaged.state_dict(), card)
-    write_json(path.with_suffix(".json"), {"network": settings["network"], **card})
+    save_with_card(request.out / WEIGHTS, training.averaged, card)
     for count, row in rows.items():
         print(f"\n{count} companions\n\n{table(row)}")
+
+
+def save_with_card(path: Path, network: EnhancementNetwork, card: dict[str, Any]) -> None:
+    """Write weights, and their data card beside them; print where and how large."""
+    save_network(path, network.config, network.state_dict(), card)
+    write_json(path.with_suffix(".json"), {"network": asdict(network.config), **card})
     print(f"\n{path}: {path.stat().st_size / 1e6:.1f} MB")
+
+
+def average_command(
+    weights: tyro.conf.Positional[tuple[str, ...]],
+    photographs: tuple[Path, ...],
+    out: Path,
+    cache: Path = Path("results/enhancement/rain"),
+    pictures: int = WATCHED,
+) -> None:
+    """Write the mean of weights, with a data card that names all of them, and validate it.
+
+    Args:
+        weights: shipped ones, or files, of trainings that began with one another.
+        photographs: the folders that were trained on; the held-out ones are validated on.
+        out: the .safetensors file to write.
+        cache: keeps what Blender bakes.
+        pictures: how many held-out photographs, the folders' by turns, 0 for all.
+
+    Raises:
+        InputError: no such weights, or networks of several configurations.
+    """
+    enhancers = [load_enhancer(name, "cpu") for name in weights]
+    network = mean_network(enhancers)
+    network.load_state_dict(rounded(network.state_dict()))
+    held_out = Data(photographs).held_out()[: pictures or None]
+    drawn = validation_set(held_out, VALIDATION_SEED, cache / "validation", MOST_COMPANIONS)
+    rows = scores_by_companions(network, drawn, WATCHED_COMPANIONS if network.config.lens else WATCHED_COMPANIONS[:1])
+    parts = [f"{enhancer.card['steps']} steps on {enhancer.card['data']}" for enhancer in enhancers]
+    card = {
+        "data": f"mean of {len(parts)} weights: {'; and '.join(parts)}",
+        "steps": sum(enhancer.card["steps"] for enhancer in enhancers),
+        "held out": [file.name for file in held_out],
+        "validation": {f"{count} companions": _scores_alone(row) for count, row in rows.items()},
+    }
+    save_with_card(out, network, card)
 
 
 def _scores_alone(rows: Sequence[Score]) -> list[dict[str, Any]]:
@@ -232,6 +271,7 @@ def main() -> None:
         {
             "train": train_command,
             "export": export_command,
+            "average": average_command,
             "validate": validate_command,
             "enhance": enhance_command,
             "describe": describe_command,

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deraings.image_planes import Plane, smooth_rise
-from deraings.lens_views import AROUND, mean_around
+from deraings.lens.views import AROUND, mean_around
 from hydroviews.scene.images import Image
 
 STREAKS, DROPS = 0, 1  # channels of what rain covers

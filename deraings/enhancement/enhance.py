@@ -9,9 +9,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from deraings.enhancement.lenses import Lens
-from deraings.enhancement.mist_branch import without_mist_over_whole
-from deraings.enhancement.network import EnhancementNetwork
+from deraings.enhancement.architecture.lenses import Lens
+from deraings.enhancement.architecture.mist_branch import without_mist_over_whole
+from deraings.enhancement.architecture.network import EnhancementNetwork
 from deraings.enhancement.weights import Enhancer, load_enhancer
 from deraings.image_planes import Plane
 from hydroviews.scene.images import Image

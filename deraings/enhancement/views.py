@@ -13,18 +13,18 @@ from tqdm import tqdm
 
 from baselines.training.images import TrainingImages
 from baselines.training.torch_state import one_thread
+from deraings.enhancement.architecture.lenses import Lens, lenses_of_capture
 from deraings.enhancement.clear_pixels import (
     DROPS,
-    STREAKS,
     LensCovers,
     hidden_by_drops,
     lens_covers,
     with_clear_pixels,
 )
 from deraings.enhancement.enhance import predict, without_mist_on_lens
-from deraings.enhancement.lenses import Lens, lenses_of_capture
 from deraings.enhancement.weights import Enhancer
 from deraings.image_planes import Plane, resized, within_side
+from deraings.lens.mist_prior import NetworkMist
 from hydroviews.cli.threads import side_by_side
 from hydroviews.scene.images import Image, read_image, to_uint8, write_png
 from hydroviews.scene.masks import Ignored
@@ -63,11 +63,12 @@ class EnhancedViews:
         self.digest = _fingerprint(images, enhancer, remove_mist)
         self._kept = folder / self.digest
         self._pictures: dict[bool, TrainingImages] = {}  # those read so far, clear or not
+        self._errors: dict[int, NDArray[np.uint8]] = {}  # roots of expected errors that were read so far
 
     def file(self, index: int) -> Path:
         """One picture as a PNG, written unless an earlier call has finished it; so is what rain covers of it."""
         path = self._kept / f"{self._names[index]}.png"
-        if not path.is_file() or (self.tells_cover and not self._cover_file(index).is_file()):
+        if not self._finished(index, path):
             with one_thread():
                 self._enhance(index, path)
         return path
@@ -78,6 +79,8 @@ class EnhancedViews:
         enhanced = predict(photograph, self._enhancer, self.remove_mist, lens)
         if enhanced.cover is not None:
             write_png(self._cover_file(index), without_holes(enhanced.cover, self._images.ignored(index)))
+        if enhanced.error is not None:
+            write_png(self._error_file(index), np.repeat(np.sqrt(enhanced.error)[..., None], 3, axis=2))
         write_png(path, enhanced.picture)
 
     @property
@@ -85,17 +88,17 @@ class EnhancedViews:
         """Whether the network tells what rain covers."""
         return bool(self._enhancer.network.config.cover)
 
-    def drop_cover(self, index: int) -> Plane:
-        """How much of each pixel of a photograph drops cover [H, W], [0, 1], as far as the network tells from it.
+    def small_drop_cover(self, index: int) -> Plane:
+        """How much of each pixel of a photograph drops cover [h, w], [0, 1], as the network predicts from it.
 
         Raises:
             InputError: a kept picture is damaged.
         """
-        return np.ascontiguousarray(self._rain_cover(index)[..., DROPS])
+        return self._small_covers[index][..., DROPS].astype(np.float32) / 255
 
-    def streak_cover(self, index: int) -> Plane:
-        """The same of streaks."""
-        return np.ascontiguousarray(self._rain_cover(index)[..., STREAKS])
+    def mean_drop_cover(self, index: int) -> Plane:
+        """The mean of the same over the other photographs about the time of one [h, w]: what stays on the lens."""
+        return self._lens_covers.means[index]
 
     @property
     def drops_stay(self) -> bool:
@@ -110,13 +113,16 @@ class EnhancedViews:
         """
         return self._hidden[index]
 
-    def mist_light(self) -> float | None:
-        """Linear light that mist on the lens adds, the median over lens and photographs, as far as the network sees.
+    def lens_mist(self, index: int) -> NetworkMist | None:
+        """The mist that the network predicts on the lens of a photograph.
 
-        None where it does not tell: it looks at single pictures only, or no photograph has others of its lens.
+        None where it predicts none: it looks at single pictures only, or no photograph has others of its lens.
         """
-        mists = [lens.mist.cpu().numpy() for lens in self._lenses if lens is not None and lens.mist is not None]
-        return float(np.median([mist[0] * mist[1:].mean(axis=0) for mist in mists])) if mists else None
+        lens = self._lenses[index]
+        if lens is None or lens.mist is None or lens.mist_error is None:
+            return None
+        mist = lens.mist.cpu().numpy()
+        return NetworkMist(mist[0] * mist[1:].mean(axis=0), lens.mist_error.cpu().numpy())
 
     def _photograph(self, index: int) -> NDArray[np.uint8]:
         """One photograph; what is hidden has the mean of what is shown: black would say that there is no mist."""
@@ -125,8 +131,48 @@ class EnhancedViews:
             return pixels
         return np.where(hidden[..., None], pixels[~hidden].mean(axis=0).round(), pixels).astype(np.uint8)
 
+    def change_over_error(self, index: int) -> float:
+        """The share of what the network changes in a photograph that is not to be expected as its own error, [0, 1].
+
+        (I - E)^2 / ((I - E)^2 + s^2), of sums over the shown pixels, with the photograph I, its enhancement E and the
+        error s that the network expects; 1 if it expects none.
+
+        Raises:
+            InputError: a kept picture is damaged.
+        """
+        hidden = self._images.ignored(index)
+        shown = np.ones(self._images.pixels(index).shape[:2], np.bool_) if hidden is None else ~hidden
+        change = (self.image(index) - self._images.pixels(index) / np.float32(255)).mean(axis=2)
+        error = self.small_error(index)
+        power = float(np.square(change[shown]).sum())
+        noise = 0.0 if error is None else float(np.square(resized(error, shown.shape)[shown]).sum())
+        return power / (power + noise) if power > 0 else 0.0
+
+    def small_error(self, index: int) -> Plane | None:
+        """The mean absolute error of an enhanced picture that the network expects [h, w]; None if it expects none.
+
+        Raises:
+            InputError: a kept picture is damaged.
+        """
+        if not self._enhancer.network.config.error:
+            return None
+        if index not in self._errors:
+            self.file(index)
+            error = read_image(self._error_file(index))[..., 0]
+            self._errors[index] = to_uint8(resized(error, within_side(error.shape, COVER_SIDE)))
+        return np.square(self._errors[index].astype(np.float32) / 255)
+
     def _cover_file(self, index: int) -> Path:
         return self._kept / "cover" / f"{self._names[index]}.png"
+
+    def _error_file(self, index: int) -> Path:
+        return self._kept / "error" / f"{self._names[index]}.png"
+
+    def _finished(self, index: int, path: Path) -> bool:
+        """Whether a picture and all that the network predicts beside it have been written."""
+        config = self._enhancer.network.config
+        beside = [(config.cover, self._cover_file(index)), (config.error, self._error_file(index))]
+        return path.is_file() and all(file.is_file() for predicted, file in beside if predicted)
 
     @cached_property
     def _lenses(self) -> list[Lens | None]:
@@ -187,8 +233,12 @@ class EnhancedViews:
 
     @cached_property
     def _lens_covers(self) -> LensCovers:
+        return lens_covers(self._small_covers)
+
+    @cached_property
+    def _small_covers(self) -> list[NDArray[np.uint8]]:
         self.files()  # together and with progress; below they would be enhanced one by one
-        return lens_covers([self._cover(index) for index in range(len(self._images))])
+        return [self._cover(index) for index in range(len(self._images))]
 
     @cached_property
     def _hidden(self) -> list[Plane]:

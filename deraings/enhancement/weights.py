@@ -1,5 +1,6 @@
 """Trained networks on disk: safetensors with their configuration and data card."""
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from torch import Tensor
 from baselines.training.checkpoints import read_arrays, write_arrays
 from baselines.training.devices import chosen_device
 from baselines.training.network_commands import weights_file
-from deraings.enhancement.network import EnhancementNetwork, NetworkConfig
+from deraings.enhancement.architecture.network import EnhancementNetwork, NetworkConfig
 from hydroviews.errors import InputError
 
 SHIPPED = Path(__file__).parent / "weights"
@@ -63,6 +64,21 @@ def save_network(path: Path, config: NetworkConfig, tensors: dict[str, Tensor], 
         to_arrays({name: value.half() for name, value in tensors.items()}),
         {"network": asdict(config), "card": card},
     )
+
+
+def mean_network(enhancers: Sequence[Enhancer]) -> EnhancementNetwork:
+    """The network whose weights are the mean of others' (Wortsman et al. 2022, model soups).
+
+    Raises:
+        InputError: the networks differ in configuration.
+    """
+    configs = {enhancer.network.config for enhancer in enhancers}
+    if len(configs) != 1:
+        raise InputError("weights to average", found=f"{len(configs)} kinds of networks", expected="one kind")
+    network = EnhancementNetwork(configs.pop())
+    states = [enhancer.network.state_dict() for enhancer in enhancers]
+    network.load_state_dict({name: torch.stack([state[name] for state in states]).mean(0) for name in states[0]})
+    return network.eval().requires_grad_(False)
 
 
 def build(path: Path, about: dict[str, Any], arrays: dict[str, NDArray]) -> EnhancementNetwork:

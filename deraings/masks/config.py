@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from deraings.lens_views import AROUND
+from deraings.lens.views import AROUND
 
 
 @dataclass(frozen=True)

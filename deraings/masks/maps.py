@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deraings.image_planes import Plane, resized
-from deraings.lens_views import by_shape
+from deraings.lens.views import by_shape
 
 BLUR = 3.0  # pixels of the network's resolution: coarser features of a loss are no sign of drops
 

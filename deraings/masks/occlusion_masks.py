@@ -28,7 +28,7 @@ from baselines.training.checkpoints import below
 from baselines.training.images import Size, TrainingImages
 from baselines.training.torch_state import module_arrays, one_thread, restore_module
 from deraings.image_planes import Plane, resized
-from deraings.lens_views import mean_around
+from deraings.lens.views import mean_around
 from deraings.masks.config import MaskConfig
 from deraings.masks.maps import evidence, filled
 from deraings.masks.network import MaskNetwork, masked_loss

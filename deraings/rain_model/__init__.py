@@ -1,30 +1,40 @@
-"""What falls between the scene and the photograph, learned while the scene is learned.
+"""The rain between a scene and its photographs, learned while the scene is learned.
 
-A rendered view B [H, W, 3], sRGB-encoded, is seen through falling rain, then through mist on the lens, then through
-drops on the lens:
+A rendered view B [H, W, 3], sRGB-encoded, is seen through three layers, each with a share alpha of a pixel's light
+that it blocks, in [0, 1]:
 
-    R = (1 - rain_alpha) B + rain_alpha beta                                      falling rain, encoded values
-    T = encode((1 - mist_alpha) decode(R) + mist_alpha a)                         mist, linear light
-    O = (1 - drop_alpha) T + L                                                    drops, encoded values
+    R = (1 - S - D) B + (S + D) beta                                falling rain, encoded values
+    T = encode((1 - V) decode(R) + V a)                             mist on the lens, linear light
+    O = (1 - M) T + M C + L                                         drops on the lens, encoded values
 
-`alpha` is everywhere the share of a pixel's light that is blocked, in [0, 1]; what lies behind keeps 1 - alpha. The
-papers and the layers of a built data set write S + D for rain_alpha (S even, D of single streaks), V for mist_alpha, M
-for drop_alpha.
+S is the median rain_alpha, D what single streaks of a view add to it; V is mist_alpha, on a coarse grid of the lens,
+and a its light; M is drop_alpha of every pixel of the lens, C the mean light around it and L the drop's own light.
+The scene and the layers minimise one objective, over views v and pixels x, with the photographs I:
 
-    model.py           RainModel, all of it: `forward` gives O, `backward` the gradients, `update` learns of the rain
-    mist.py            mist_alpha on a coarse grid, and a; mist_config, mist_bounds, mist_or_fog, mist_kernels beside it
-    drops.py           drop_alpha and L of every pixel of the lens; drops_kernels, fixed_pattern beside it
-    renewed_drops.py   which pixels drops hide that are new in every view
-    falling_rain.py    S and D together, and when they are learned
-    rain_layer.py      S, one number a scene; streak_statistics (whether it rains at all, how much), rain_kernels
-    streaks.py         D, of every pixel of every view
-    layer_kernels.py   views behind rain and drops, and the gradient back
-    warm_up.py         all kernels, compiled and loaded
-    time_knots.py      how mist and drops change from view to view
-    observation.py     a photograph, and which of its pixels count
-    enhanced_target.py where the scene is learned from enhanced photographs as well
-    objective.py       RainObjective, the photometric loss of O against the photograph
-    report.py          what was found, for a run's record
+    sum (1 - r) rho(I - O)                          the photograph, through the rain
+    + lambda(t) c sum (1 - r) rho(E - B_left) / s   the enhanced photograph E, weighed by its expected error s
+    + prior(V) + priors of a                        what photographs cannot tell
 
-Every part switches itself on only where the photographs call for it, and can be left out: see `model.RainConfig`.
+    r = P(a drop hides the pixel | network, lens, residual)
+
+rho is the photometric loss (L1 and SSIM). B_left is B through the mist that E still has: what V exceeds the mist that
+the network takes away, its error included. lambda falls from 1 to 0; c is the share of what the network changes in a
+photograph that is not its own error. One term is drawn in each step. M, L, S and D follow in closed form from running
+means over photographs and renders. A network predicts E, s, the covers in r and a part of prior(V); without a network
+the other sources are left.
+
+Drops count on once they predict photographs better than their absence does, on views that are kept from the scene at
+first, by more than two standard errors; mist counts no more once it predicts worse by as much. Falling rain, which no
+other view predicts, counts as far as differences of photographs and renders are skewed along one direction.
+
+    config.py             all settings
+    objective.py          RainObjective: the steps, the enhanced photographs, the trial of the layers
+    model.py              RainModel: the layers one after another, forward, backward and update
+    occlusion.py          r
+    drops.py              M and L, by lines in which photographs follow renders
+    mist.py               V and a, by Adam
+    rainfall.py           S; streaks.py: D; streak_statistics.py: whether it rains, and how much
+    kernels.py            the layers' formulas and gradients on a CPU; on_gpu.py: the same where a GPU renders
+
+What photographs of one lens show before any training is in `deraings.lens`.
 """

@@ -3,23 +3,21 @@
     T = encode((1 - mist_alpha) decode(R) + mist_alpha a)
 
 R is what is seen without mist, and a its light. mist_alpha lies on a coarse grid over the picture, at a few times of
-the capture (see `time_knots`); both are learned by Adam from the gradient of the photometric loss.
+the capture (`time_knots`). Adam learns sqrt(mist_alpha) and a from the gradient of
 
-Behind falling rain, mist that a network surely sees is learned from differences alone. SSIM asks for the contrast that
-streaks give photographs and renders have not, and less mist is the cheapest way there: of courtyard's mist before
-streaks a ninth was left. Where there is no mist, SSIM keeps rain from being taken for it.
+    loss + prior mean_k log(1 + ((mist_alpha_k - mu_k) / sigma_k)^2) + penalties of roughness, brightness and tint.
 
 What the photographs cannot tell, and what decides it:
 
-* Even mist is as good as a scene of less contrast: a penalty on the mean of mist_alpha keeps its thinnest place clear.
+* Even mist is as good as a scene of less contrast. The prior (`lens.mist_prior`) says how much there is; its tails are
+  those of Cauchy's distribution, as photographs may well show more mist in a place than its sources do.
 * Thin bright mist is as good as thicker, darker mist: a is held about as bright as mist should be (`mist_bounds`). Its
   tint can be told, by dark things, and is held loosely.
-* A sky that is always in the same corner looks like mist there. But mist only adds light, so that mist_alpha a is no
-  lighter than the darkest that a place of the lens ever shows. Learning starts below that bound and stays near it.
-  Where every place shows something dark, there is next to none, and only a network's word on it is believed.
-* Fog in the scene makes points paler with their distance, not with their place on the lens (`mist_or_fog`). Where it is
-  foggy no mist is looked for.
-* Little mist makes points hardly paler. A network that has seen many lenses tells it from none.
+* A sky that is always in the same corner looks like mist there. But mist only adds light: mist_alpha a is no lighter
+  than the darkest that a place of the lens ever shows.
+
+Behind falling rain, mist is learned from differences of pixels alone. SSIM asks for the contrast that streaks give
+photographs and renders have not, and less mist is the cheapest way there.
 """
 
 from collections.abc import Callable, Sequence
@@ -31,19 +29,20 @@ from numpy.typing import NDArray
 
 from baselines.splatting.kernels.adam import adam_step
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from deraings.enhancement.views import EnhancedViews
 from deraings.image_planes import Plane
-from deraings.rain_model.mist_bounds import mist_bounds
-from deraings.rain_model.mist_config import MistConfig
-from deraings.rain_model.mist_kernels import add_mist, mist_gradient
-from deraings.rain_model.mist_or_fog import is_mist, paleness_of, sees_mist
-from deraings.rain_model.time_knots import time_weights
+from deraings.lens.mist_bounds import mist_bounds
+from deraings.lens.mist_prior import NetworkMist, mist_prior
+from deraings.lens.time_knots import time_weights
+from deraings.rain_model.config import MistConfig
+from deraings.rain_model.kernels import add_mist, mist_gradient
 from hydroviews.scene.images import Image
 from hydroviews.scene.point_colours import PointColours
 
 ADAM_MOMENTS = ("first", "second")
 NOISE = 0.02  # encoded
-MIN_ALPHA = 1e-3  # mist_alpha at the start, at least: from 0 the gradient by its root would be 0
+LEAST_ALPHA = 1e-3  # mist_alpha at the start, at least: from 0 the gradient by its root would be 0
+MOST_ALPHA = 0.95
+FINAL_RATE = 0.1  # factor to which the rates have fallen at the end, as those of the Gaussians
 
 
 class MistGradient(NamedTuple):
@@ -62,61 +61,50 @@ class Mist:
         iterations: int,
         config: MistConfig,
         hidden: Sequence[NDArray[np.bool_] | None] = (),
+        network: Callable[[int], NetworkMist | None] = lambda _: None,
         points: Callable[[], PointColours] | None = None,
-        prior: EnhancedViews | None = None,
     ) -> None:
-        """Look for mist in the photographs.
+        """The mist that is to be expected.
 
         Args:
             pictures: [H, W, 3] each, in order of name.
             iterations: of the training.
             config: how mist is learned.
             hidden: masks [H, W] of pixels that are not looked at.
-            points: looks up scene points in the pictures, called only where there may be mist. Without it, or with too
-                few points, what may be mist is taken for mist, unless the prior says otherwise.
-            prior: the photographs without rain as far as a network sees it.
+            network: the mist that a network predicts on the lens of a view, if it does.
+            points: looks up scene points in the pictures.
         """
         self._config, self._n_views, self._iterations = config, len(pictures), iterations
-        self._first = round(config.start * iterations)
-        bounds = mist_bounds(pictures, config, hidden)
+        bounds = mist_bounds(pictures, hidden)
         self.expected = bounds.colour  # a, before anything is learned
         self.colour = self.expected.copy()  # a [3], linear light
-        light = prior.mist_light() if prior is not None else None
-        self.seen = None if light is None else light / float(self.expected[0])  # mist_alpha, as the prior has it
-        suspected = bounds.partly or sees_mist(self.seen, config)
-        self.paleness = paleness_of(bounds, points) if suspected and points is not None else None
-        told = self.paleness is not None or self.seen is not None
-        self.wanted = suspected and is_mist(self.paleness, self.seen, config) if told else bounds.mostly
-        self._max_roots = np.sqrt(np.minimum(config.slack * bounds.max_alpha, config.max_alpha))
-        likely = config.likely * bounds.possible + MIN_ALPHA
-        roots = np.minimum(np.sqrt(likely), self._max_roots) * self.wanted
-        self.roots = roots.astype(np.float32)  # sqrt(mist_alpha) [T, h, w] at the knots
+        self.prior = mist_prior(bounds, network, points)
+        self._most = np.sqrt(np.minimum(config.slack * bounds.max_alpha, MOST_ALPHA))
+        self.roots = np.minimum(np.sqrt(self.prior.mean + LEAST_ALPHA), self._most)  # sqrt(mist_alpha) [T, h, w]
         learned = {"roots": self.roots, "colour": self.colour}
         self.steps = np.zeros(1, np.int64)  # of Adam: mist is not learned in every iteration
         self._adam = {f"{name}.{order}": np.zeros_like(v) for name, v in learned.items() for order in ADAM_MOMENTS}
 
-    @property
-    def sure_in_rain(self) -> bool:
-        """Whether the prior sees so much mist that there is some even if it rains."""
-        return self.seen is not None and self.seen >= self._config.min_seen_in_rain
-
-    def due(self, iteration: int) -> bool:
-        """Whether views are seen through mist in this step."""
-        return iteration >= self._first and self.wanted
-
     def alpha(self, view: int, size: tuple[int, int]) -> Plane:
         """mist_alpha [H, W] of a training view at (height, width)."""
-        return np.square(self.root(view, size))
-
-    def root(self, view: int, size: tuple[int, int]) -> Plane:
-        """sqrt(mist_alpha) [H, W] of a view."""
-        rows, columns = _spreading(size, self.roots)
-        return rows @ self.knots(view) @ columns.T
+        return np.square(self.spread(self.knots(view), size))
 
     def knots(self, view: int) -> NDArray[np.float32]:
-        """The same at its knots [h, w]."""
-        knots: NDArray[np.float32] = np.tensordot(time_weights(view, self._n_views, len(self.roots)), self.roots, 1)
-        return knots
+        """sqrt(mist_alpha) at the knots [h, w] at the time of a view."""
+        return self._at_time(view, self.roots)
+
+    def left_knots(self, view: int) -> NDArray[np.float32]:
+        """The same of the mist that the network leaves in the enhanced photograph of a view.
+
+        1 - mist_alpha = (1 - removed) (1 - left): of two layers of mist, the network takes the second one away.
+        """
+        removed = np.minimum(self._at_time(view, self.prior.removed), MOST_ALPHA)
+        return np.sqrt(np.maximum(np.square(self.knots(view)) - removed, 0) / (1 - removed))
+
+    def spread(self, knots: NDArray[np.float32], size: tuple[int, int]) -> Plane:
+        """Values at knots [h, w], at every pixel [H, W] of a view of (height, width)."""
+        rows, columns = _spreading(size, self.roots)
+        return rows @ knots @ columns.T
 
     def forward(self, image: Image, root: Plane, out: Image) -> Image:
         """A view [H, W, 3] as it is seen through the mist of its `root`, written to `out`."""
@@ -139,39 +127,45 @@ class Mist:
         alpha = np.square(root)
         by_image, by_alpha, by_colour = mist_gradient(image, misted, alpha, self.colour, gradient, told, buffers)
         rows, columns = _spreading(root.shape, self.roots)
-        by_knots = rows.T @ (2 * root * (by_alpha + np.float32(self.mean_penalty / root.size))) @ columns
-        return by_image, self.learned_from(view, by_knots, by_colour)
+        return by_image, self.with_priors(view, rows.T @ (2 * root * by_alpha) @ columns, by_colour)
 
-    @property
-    def mean_penalty(self) -> float:
-        """What the mean of mist_alpha adds to the loss."""
-        return self._config.mean_penalty
-
-    def learned_from(self, view: int, by_knots: NDArray[np.float32], by_colour: NDArray[np.float32]) -> MistGradient:
-        """The gradient by all that is learned, with the other penalties.
+    def with_priors(self, view: int, by_knots: NDArray[np.float32], by_colour: NDArray[np.float32]) -> MistGradient:
+        """The gradient by all that is learned, with those of the prior and the penalties.
 
         Args:
             view: whose gradient it is.
-            by_knots: of the loss and the penalty on the mean, by `knots`, [h, w].
+            by_knots: of the loss by `knots` [h, w].
             by_colour: of the loss by the mist's light [3].
         """
         config, weights = self._config, time_weights(view, self._n_views, len(self.roots))
+        away = np.square(self.roots) - self.prior.mean
         by_roots = weights[:, None, None] * by_knots
-        by_roots += np.float32(config.roughness_penalty / self.roots[0].size) * roughness_gradient(self.roots)
+        by_roots += (
+            np.float32(4 * config.prior / self.roots.size)
+            * self.roots
+            * away
+            / (np.square(self.prior.deviation) + np.square(away))
+        )
+        by_roots += np.float32(config.roughness / self.roots[0].size) * roughness_gradient(self.roots)
         lighter = self.colour - self.expected
-        by_brightness = np.float32(2 * config.brightness_penalty) * lighter.mean()
-        by_tint = np.float32(2 * config.tint_penalty) * (lighter - lighter.mean())
+        by_brightness = np.float32(2 * config.brightness) * lighter.mean()
+        by_tint = np.float32(2 * config.tint) * (lighter - lighter.mean())
         return MistGradient(by_roots, by_colour + by_brightness + by_tint)
 
     def update(self, gradient: MistGradient, iteration: int) -> None:
         """One step of Adam, within what the photographs allow."""
         config = self._config
         self.steps += 1
-        decay = config.final_rate ** (iteration / max(self._iterations, 1))
+        decay = FINAL_RATE ** (iteration / max(self._iterations, 1))
         self._step("roots", self.roots, gradient.roots, config.rate * decay)
         self._step("colour", self.colour, gradient.colour, config.colour_rate * decay)
-        np.clip(self.roots, 0, self._max_roots, out=self.roots)
+        np.clip(self.roots, 0, self._most, out=self.roots)
         np.clip(self.colour, 0, 1, out=self.colour)
+
+    def _at_time(self, view: int, values: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Values [h, w] at the time of a view, of those at the knots [T, h, w]."""
+        at_time: NDArray[np.float32] = np.tensordot(time_weights(view, self._n_views, len(values)), values, 1)
+        return at_time
 
     def state_dict(self) -> dict[str, NDArray]:
         """All that is learned, for checkpoints."""

@@ -1,9 +1,7 @@
-"""What DeRainGS compares photographs with: the rendered scene as it is seen through the rain.
+"""The objective of `deraings` and `deraings-plus`: see the package's docstring.
 
-loss = photometric(model.forward(scene_image).image, photograph; weights of the pixels)
-
-Behind mist that a network knows, every second one of the earlier steps compares the scene as it is with the photograph
-that the network enhanced (`enhanced_target`).
+loss = sum (1 - r) rho(photograph - model.forward(scene_image).image)       in most steps
+     = sum (1 - r) rho(enhanced photograph - scene_image) / s               in others, at first in more of them
 """
 
 from collections.abc import Callable
@@ -16,20 +14,26 @@ from torch import Tensor
 
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.loss_map import loss_map
-from baselines.splatting.kernels.photometric import Target, photometric_loss
+from baselines.splatting.kernels.photometric import Target, photometric_loss, prepare_target
 from baselines.splatting.objective import Objective, OnGPU
 from baselines.training.checkpoints import below, prefixed
 from baselines.training.images import Size, TrainingImages
 from baselines.training.torch_state import fetched, sent
 from deraings.enhancement.views import EnhancedViews
-from deraings.image_planes import Plane, product
+from deraings.image_planes import Plane, product, resized
 from deraings.masks.occlusion_masks import OcclusionMasks
-from deraings.rain_model.model import RainConfig, RainModel
-from deraings.rain_model.observation import Observation
+from deraings.rain_model.config import RainConfig
+from deraings.rain_model.model import DROPS, MIST, RainModel
 from deraings.rain_model.on_gpu import RainOnGPU
-from deraings.rain_model.report import report
+from deraings.rain_model.rainfall import Observation
 from hydroviews.scene.images import Image
 from hydroviews.scene.point_colours import PointColours
+
+GOLDEN = (5**0.5 - 1) / 2  # multiples of it, modulo 1, are spread evenly over [0, 1)
+KEPT_OF = 12  # one of so many views is kept from the scene at first
+LEAST_VIEWS = 24  # fewer lack each one that is kept
+LEAST_GAIN = {MIST: -2.0, DROPS: 2.0}  # standard errors by which a layer has to predict better, to count further
+LEAST_ERROR = 1e-6  # of a mean gain
 
 
 class RainObjective(Objective):
@@ -42,29 +46,33 @@ class RainObjective(Objective):
         config: RainConfig | None = None,
         lambda_dssim: float = 0.2,
         masks: OcclusionMasks | None = None,
-        prior: EnhancedViews | None = None,
+        network: EnhancedViews | None = None,
         points: Callable[[], PointColours] | None = None,
         covers: EnhancedViews | None = None,
     ) -> None:
-        """An objective that knows nothing of the rain yet; what is not explained: see `RainModel`.
+        """An objective that has learned nothing of the rain yet; what is not explained: see `RainModel`.
 
         Args:
-            config: which kinds of rain are looked for; all of them by default.
+            config: which kinds of rain are modelled; all of them by default.
             lambda_dssim: lambda of the photometric loss.
             masks: occlusion masks to be learned as well; they weigh the loss that the rain model leaves.
         """
         super().__init__(images, lambda_dssim)
-        self.model = RainModel(images, iterations, config or RainConfig(), prior, points, covers)
+        config = config or RainConfig()
+        self.model = RainModel(images, iterations, config, network, points, covers)
         self.masks = masks
+        self.enhanced = EnhancedTargets(network, len(images), iterations, config.enhanced) if network else None
+        first, last = (round(share * iterations) for share in (config.start, config.trial))
+        self.trial = Trial(self.model, len(images), first, last)
         self._on_gpu = RainOnGPU(self.model)
 
     def weights(
         self, render: Callable[[], Image], view: int, size: Size, iteration: int, buffers: BufferPool
     ) -> Plane | None:
-        """See Objective: less behind what rain hides, as masks and a network have it; the masks learn, if due."""
+        """See Objective: 1 - r, less where masks hide something, which learn, if due."""
         target = self.target(view, size)
-        behind_drops = self.model.drop_weights(render, target, view, iteration)
-        return product(behind_drops, self._mask_weights(render, target, view, size, iteration, buffers))
+        shown = self.model.weights(render, target, view, iteration)
+        return product(shown, self._mask_weights(render, target, view, size, iteration, buffers))
 
     def __call__(self, image: Image, view: int, iteration: int, buffers: BufferPool) -> tuple[float, Image]:
         """See Objective; learns of the rain as well. Pixels that are not finite count for nothing."""
@@ -72,15 +80,20 @@ class RainObjective(Objective):
         target = self.target(view, size)
         image, finite = _finite(image)
         self.model.begin(iteration)
+        if self.trial.keeps(view, iteration):
+            return self.trial.look(image, target, view, iteration, buffers), np.zeros_like(image)
         seen = self.model.forward(image, view, iteration, buffers)
         shown = product(target.shown, finite)
-        left = self.weights(lambda: seen.image, view, size, iteration, buffers)
-        weights = product(seen.weights, left, shown)
-        enhanced = self.model.enhanced_target(view, size, iteration)
-        if enhanced is not None:
-            return photometric_loss(seen.scene_image, enhanced, self.lambda_dssim, weights, buffers)
-        loss, gradient = photometric_loss(seen.image, target, self.lambda_dssim, weights, buffers)
+        weights = product(self.weights(lambda: seen.image, view, size, iteration, buffers), shown)
         observed = Observation(target.image, target.shown, shown, weights)
+        if self.enhanced and self.enhanced.due(view, iteration):
+            enhanced, certain = self.enhanced.target(view, size)
+            self.model.update(seen, observed, None, buffers)
+            left = self.model.forward_enhanced(image, view, iteration, buffers)
+            weights = product(weights, certain)
+            loss, gradient = photometric_loss(left.image, enhanced, self.lambda_dssim, weights, buffers)
+            return loss, self.model.backward(left, gradient, observed, buffers)[0]
+        loss, gradient = photometric_loss(seen.image, target, self.lambda_dssim, weights, buffers)
         by_scene, by_mist = self.model.backward(seen, gradient, observed, buffers)
         self.model.update(seen, observed, by_mist, buffers)
         return loss, by_scene
@@ -88,16 +101,20 @@ class RainObjective(Objective):
     def on_gpu(self, render: Tensor, view: int, iteration: int, buffers: BufferPool) -> OnGPU:
         """See Objective; learns as `__call__` does."""
         self.model.begin(iteration)
+        size = render.shape[0], render.shape[1]
+        target = self.target(view, size)
+        if self.trial.keeps(view, iteration):
+            self.trial.look(fetched(render), target, view, iteration, buffers)
+            return OnGPU(render, sent(np.zeros(size, np.float32)))
         seen = self._on_gpu.forward(render, view, iteration)
-        left = self.weights(cache(lambda: fetched(seen.image)), view, seen.size, iteration, buffers)
-        weights = product(seen.weights, None if left is None else sent(left))
-        enhanced = self.model.enhanced_target(view, seen.size, iteration)
-        if enhanced is not None:
-            return OnGPU(render, weights, enhanced)
-        penalties = [(seen.mist.alpha, self.model.mist.mean_penalty)] if self.model.mist and seen.mist else []
-        target = self.target(view, seen.size)
-        learn = partial(self._on_gpu.update, seen, target, weights, buffers)
-        return OnGPU(seen.image, weights, penalties=penalties, learn=learn)
+        left = self.weights(cache(lambda: fetched(seen.image)), view, size, iteration, buffers)
+        weights = None if left is None else sent(left)
+        if self.enhanced and self.enhanced.due(view, iteration):
+            enhanced, certain = self.enhanced.target(view, size)
+            learn = partial(self._on_gpu.update, seen._replace(mist=None), target, weights, buffers)
+            image = self._on_gpu.forward_enhanced(render, view, iteration)
+            return OnGPU(image, product(weights, None if certain is None else sent(certain)), enhanced, learn=learn)
+        return OnGPU(seen.image, weights, learn=partial(self._on_gpu.update, seen, target, weights, buffers))
 
     def residual(self, image: Image, view: int, buffers: BufferPool) -> float:
         """See Objective."""
@@ -107,18 +124,28 @@ class RainObjective(Objective):
     def hidden(self, view: int, size: Size) -> Plane:
         """How much of each pixel [H, W] of a view of (height, width) is taken for rain, or masked, after training."""
         model = self.model
-        parts = model.mist_alpha, model.drop_alpha, model.seen_cover, model.rain_alpha
-        covers = [cover(view, size) for cover in parts]
+        covers = [cover(view, size) for cover in (model.mist_alpha, model.drop_alpha, model.occluded, model.rain_alpha)]
         if self.masks:
             covers.append(self.masks.mask(view, size))
         left = np.prod([1 - cover for cover in covers], axis=0)
         return np.clip(1 - left, 0, 1).astype(np.float32)
 
     def report(self) -> dict[str, Any]:
-        """What was found of the rain, in the first, the middle and the last view; see `report`."""
+        """What was found of the rain, in the first, the middle and the last view.
+
+        Returns:
+            `needed`: the layers that count, then numbers of all; see `RainModel.report` and `Trial.report`. `masks` is
+            the mean of the masks, and `enhanced` the share of the first steps that compare with enhanced photographs.
+        """
         last = len(self.images) - 1
         shapes = {view: self.images.pixels(view).shape for view in (0, last // 2, last)}
-        return report(self.model, self.masks, {view: (shape[0], shape[1]) for view, shape in shapes.items()})
+        numbers = self.model.report({view: (shape[0], shape[1]) for view, shape in shapes.items()})
+        numbers |= self.trial.report()
+        if self.enhanced:
+            numbers["enhanced"] = self.enhanced.share
+        if self.masks:
+            numbers["masks"] = self.masks.report()["mask_mean"]
+        return {"needed": self.model.needed(), **{name: round(value, 4) for name, value in numbers.items()}}
 
     def settings(self) -> dict[str, Any]:
         """See Objective."""
@@ -128,11 +155,12 @@ class RainObjective(Objective):
     def state_dict(self) -> dict[str, NDArray]:
         """See Objective."""
         masks = self.masks.state_dict() if self.masks else {}
-        return self.model.state_dict() | prefixed("masks", masks)
+        return self.model.state_dict() | prefixed("trial", self.trial.state_dict()) | prefixed("masks", masks)
 
     def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
         """See Objective."""
         self.model.load_state_dict(arrays)
+        self.trial.load_state_dict(below("trial", arrays))
         if self.masks:
             self.masks.load_state_dict(below("masks", arrays))
 
@@ -145,6 +173,115 @@ class RainObjective(Objective):
         if self.masks.due(iteration):
             self.masks.learn(view, loss_map(render(), target, self.lambda_dssim, buffers=buffers), iteration)
         return self.masks.weights(view, size, iteration)
+
+
+class EnhancedTargets:
+    """The enhanced photographs, as a second target of the scene as it is.
+
+    Mist that is taken for a little too thick leaves a scene that is a little too dark, and the photographs fit all the
+    same; streaks are learned until they are known. An enhanced photograph has other errors. A step compares with the
+    enhanced photograph with the probability lambda(t) c: lambda falls from 1 to 0, and c is the share of what the
+    network changes in this photograph that is not its own error, as the network expects it. Pixels weigh the less the
+    larger their expected error is.
+    """
+
+    def __init__(self, network: EnhancedViews, n_views: int, iterations: int, until: float) -> None:
+        """Judge every photograph's enhancement.
+
+        Args:
+            network: the photographs as a network enhances them.
+            n_views: how many there are.
+            iterations: of the training.
+            until: share of the iterations at which lambda is 0.
+
+        Raises:
+            InputError: a kept picture is damaged.
+        """
+        self._network, self._last = network, until * iterations
+        self._images = network.training_images() if until else None
+        self._shares = [network.change_over_error(view) for view in range(n_views)] if until else [0.0]
+        self.share = float(np.mean(self._shares))
+
+    def due(self, view: int, iteration: int) -> bool:
+        """Whether the scene is compared with the view's enhanced photograph in this step."""
+        if iteration >= self._last:
+            return False
+        return iteration * GOLDEN % 1 < (1 - iteration / self._last) * self._shares[view]
+
+    def target(self, view: int, size: Size) -> tuple[Target, Plane | None]:
+        """An enhanced photograph at (height, width), and factors [H, W] on its pixels' shares of the loss."""
+        assert self._images is not None  # no step is due otherwise
+        target = prepare_target(self._images.pixels(view, size), self._images.ignored(view, size))
+        error = self._network.small_error(view)
+        if error is None:
+            return target, None
+        typical = float(np.median(error))
+        return target, resized(np.float32(typical) / np.maximum(error, np.float32(typical)), size)
+
+
+class Trial:
+    """Whether layers on the lens predict photographs better than their absence does.
+
+    One view in KEPT_OF is kept from the scene at first. The scene that the others learn, seen through what is on the
+    lens, predicts the kept photograph. A layer's gain g is the mean absolute error without it less that with it, after
+    gain and offset of each channel have been fitted to the photograph in both cases: a scene that has been learned
+    through even mist is darker, and would seem to need it. At the end of the trial drops count no more unless the
+    mean g is more than two standard errors above 0 (7.8 and more in drops of development scenes, 1.3 at most on dry
+    lenses). Even mist has no gain, as it cannot be told from a pale scene: it counts no more if the mean g is more than
+    two standard errors below 0, and priors decide on the rest. Where there are too few views to keep one, all counts
+    that did.
+    """
+
+    def __init__(self, model: RainModel, n_views: int, first: int, last: int) -> None:
+        """A trial from the iteration `first` to `last`, both of the training."""
+        self._model, self._first, self._last = model, first, last
+        self._kept = set(range(KEPT_OF // 2, n_views, KEPT_OF)) if n_views >= LEAST_VIEWS else set()
+        self.gains: dict[str, list[float]] = {MIST: [], DROPS: []}
+
+    def keeps(self, view: int, iteration: int) -> bool:
+        """Whether a view is kept from the scene in this step; decides once, when the trial is over."""
+        if iteration >= self._last and self._kept:
+            tried = {layer: gains for layer, gains in self.gains.items() if len(gains) > 1}
+            self._model.off |= {layer for layer, gains in tried.items() if _in_errors(gains) < LEAST_GAIN[layer]}
+            self._kept = set()
+        return view in self._kept
+
+    def look(self, image: Image, target: Target, view: int, iteration: int, buffers: BufferPool) -> float:
+        """Predict the photograph of a kept view from its render [H, W, 3]; the mean absolute error."""
+        error = prediction_error(self._model.forward(image, view, iteration, buffers).image, target)
+        if 2 * iteration > self._first + self._last:  # before, the scene is not learned enough
+            for layer in (MIST, DROPS):
+                if self._model.counts(layer, iteration):
+                    seen = self._model.forward(image, view, iteration, buffers, without=layer)
+                    self.gains[layer].append(prediction_error(seen.image, target) - error)
+        return error
+
+    def report(self) -> dict[str, float]:
+        """The gain of each layer in standard errors, such as `drops_gain`."""
+        return {f"{layer}_gain": _in_errors(gains) for layer, gains in self.gains.items() if len(gains) > 1}
+
+    def state_dict(self) -> dict[str, NDArray]:
+        """All gains so far, and whether the trial goes on."""
+        return {**{layer: np.array(gains) for layer, gains in self.gains.items()}, "kept": np.array(sorted(self._kept))}
+
+    def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
+        """Take back what `state_dict` returned."""
+        self.gains = {layer: arrays[layer].tolist() for layer in self.gains}
+        self._kept = {int(view) for view in arrays["kept"]}
+
+
+def prediction_error(seen: Image, target: Target) -> float:
+    """The mean absolute error [0, 1] of a view [H, W, 3] of a photograph, gain and offset of each channel fitted."""
+    shown = slice(None) if target.ignored is None else ~target.ignored
+    found, true = seen[shown].reshape(-1, 3), target.image[shown].reshape(-1, 3)
+    mean, true_mean = found.mean(axis=0), true.mean(axis=0)
+    gain = ((found - mean) * (true - true_mean)).mean(axis=0) / np.maximum(found.var(axis=0), 1e-6)
+    return float(np.abs(true - true_mean - gain * (found - mean)).mean())
+
+
+def _in_errors(gains: list[float]) -> float:
+    """The mean of two gains or more, in standard errors of the mean."""
+    return float(np.mean(gains) / max(np.std(gains, ddof=1) / np.sqrt(len(gains)), LEAST_ERROR))
 
 
 def _finite(image: Image) -> tuple[Image, Plane | None]:

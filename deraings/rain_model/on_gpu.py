@@ -18,14 +18,15 @@ from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import Target
 from baselines.training.images import Size
 from baselines.training.torch_state import fetched, sent
-from deraings.enhancement.mist_branch import decoded, encoded
+from deraings.enhancement.architecture.mist_branch import decoded, encoded
 from deraings.image_planes import CELLS, Plane, averages_around, product, within_side
 from deraings.rain_model.drops import DropLayer
+from deraings.rain_model.kernels import BRIGHTEST, BRIGHTEST_ENCODED, mix
 from deraings.rain_model.mist import NOISE, Mist, spreading
-from deraings.rain_model.mist_kernels import BRIGHTEST, BRIGHTEST_ENCODED
-from deraings.rain_model.model import RainModel
-from deraings.rain_model.observation import Observation
+from deraings.rain_model.model import DROPS, MIST, RainModel
+from deraings.rain_model.rainfall import MOST, Observation
 
+MIX: Callable = mix.py_func  # type: ignore[attr-defined]  # the kernels' formula, of tensors
 Matrix = Callable[[int, int], NDArray[np.float32]]  # makes one for a line of so many pixels and so many parts or knots
 
 
@@ -46,7 +47,6 @@ class SeenOnGPU(NamedTuple):
     scene_image: Tensor  # B [H, W, 3]
     mist: MistOnGPU | None
     drop_alpha: Tensor | None  # [H, W]
-    weights: Tensor | None  # [H, W]: 0 where drops hide the scene
     view: int
     iteration: int
 
@@ -71,18 +71,28 @@ class RainOnGPU:
     def forward(self, scene_image: Tensor, view: int, iteration: int) -> SeenOnGPU:
         """A rendered view [H, W, 3] through all that is known of the rain; see `RainModel.forward`."""
         size = scene_image.shape[0], scene_image.shape[1]
-        model, alpha, mist = self._model, self._rain_alpha(view, size), None
+        model, alpha, mist, drop_alpha = self._model, self._rain_alpha(view, size), None, None
         seen = scene_image
-        if model.rain and alpha is not None:
-            seen = behind_rain(seen, alpha, model.rain.layer.brightness)
+        if model.rainfall and alpha is not None:
+            seen = behind_rain(seen, alpha, model.rainfall.brightness)
         rained = seen
-        if model.mist and model.mist.due(iteration):
-            mist = self._mist(model.mist, view, size)
+        if model.mist and model.counts(MIST, iteration):
+            mist = self._mist(model.mist, model.mist.knots(view), size)
             seen = behind_mist(seen, mist)
-        without_drops, drop_alpha, weights, layer = seen, None, None, self._drop_layer(view, size, iteration)
-        if layer is not None:
-            seen, drop_alpha, weights = behind_drops(seen, self._surroundings(seen.detach()), layer)
-        return SeenOnGPU(seen, without_drops, rained, scene_image, mist, drop_alpha, weights, view, iteration)
+        without_drops = seen
+        if model.drops and model.counts(DROPS, iteration):
+            lens = model.drops.size(view)
+            layer = model.drops.layer(view, lens if _within(lens, size) else size)
+            seen, drop_alpha = behind_drops(seen, self._surroundings(seen.detach()), layer)
+        return SeenOnGPU(seen, without_drops, rained, scene_image, mist, drop_alpha, view, iteration)
+
+    def forward_enhanced(self, scene_image: Tensor, view: int, iteration: int) -> Tensor:
+        """A rendered view [H, W, 3] through what the network leaves of the rain; see `RainModel.forward_enhanced`."""
+        mist = self._model.mist
+        if mist is None or not self._model.counts(MIST, iteration):
+            return scene_image
+        size = scene_image.shape[0], scene_image.shape[1]
+        return behind_mist(scene_image, self._mist(mist, mist.left_knots(view), size))
 
     def update(
         self,
@@ -104,25 +114,24 @@ class RainOnGPU:
             shown: which pixels of it are not hidden, [H, W]; None where all are shown.
         """
         model = self._model
-        if model.rain and model.rain.due(seen.view, seen.size, seen.iteration):
+        if model.rainfall and model.rainfall.due(seen.view, seen.size, seen.iteration):
             self._update_on_cpu(seen, target, weights, buffers)
-        elif model.drops and model.drops.due(seen.iteration):
+        elif model.drops and DROPS not in model.off and model.drops.due(seen.iteration):
             small = self._averaged(seen.without_drops.detach(), model.drops.size(seen.view), averaging)
             model.drops.update(target.image, fetched(small), seen.view, target.shown)
-        if model.mist and seen.mist is not None:
+        if model.mist and seen.mist is not None and (seen.rains or seen.mist.knots.grad is not None):
             learning = seen.mist
-            if seen.rains and model.mist.sure_in_rain:
+            if seen.rains:
                 passing = None if seen.drop_alpha is None else 1 - seen.drop_alpha
-                told = difference_gradient(seen.image.detach(), pixels, product(weights, shown, passing))
-                learning = self._mist_told(model.mist, seen, told)
+                gradient = difference_gradient(seen.image.detach(), pixels, product(weights, shown, passing))
+                learning = self._mist_with_gradient(model.mist, seen, gradient)
             knots, colour = (_gradient(values) for values in (learning.knots, learning.colour))
-            model.mist.update(model.mist.learned_from(seen.view, knots, colour), seen.iteration)
+            model.mist.update(model.mist.with_priors(seen.view, knots, colour), seen.iteration)
 
-    def _mist_told(self, mist: Mist, seen: SeenOnGPU, told: Tensor) -> MistOnGPU:
-        """The mist with gradients of another loss: `told` [H, W, 3], its gradient by what is seen through mist."""
-        again = self._mist(mist, seen.view, seen.size)
-        misted, penalty = behind_mist(seen.rained.detach(), again), mist.mean_penalty / again.alpha.numel()
-        torch.autograd.backward([misted, again.alpha], [told, torch.full_like(again.alpha, penalty)])
+    def _mist_with_gradient(self, mist: Mist, seen: SeenOnGPU, gradient: Tensor) -> MistOnGPU:
+        """The mist with gradients of another loss, of which `gradient` [H, W, 3] is that by the view behind mist."""
+        again = self._mist(mist, mist.knots(seen.view), seen.size)
+        torch.autograd.backward(behind_mist(seen.rained.detach(), again), gradient)
         return again
 
     def _update_on_cpu(self, seen: SeenOnGPU, target: Target, weights: Tensor | None, buffers: BufferPool) -> None:
@@ -136,24 +145,15 @@ class RainOnGPU:
 
     def _rain_alpha(self, view: int, size: Size) -> Tensor | None:
         """rain_alpha [H, W], or [1, 1] where it is the same everywhere; None where there is none."""
-        rain = self._model.rain
+        rain = self._model.rainfall
         if rain is None or not rain.even_alpha:
             return None
         deviation = rain.deviation(view)
         if deviation is None:
             return sent(np.full((1, 1), rain.even_alpha, np.float32))
         if not _within(deviation.shape, size):
-            alpha, _ = rain.alpha(view, size)
-            return None if alpha is None else sent(alpha)
-        return (rain.even_alpha + enlarged(sent(deviation)[None], size)[0]).clamp(0, rain.max_alpha)
-
-    def _drop_layer(self, view: int, size: Size, iteration: int) -> DropLayer | None:
-        """The drops of a view, no larger than it."""
-        drops = self._model.drops
-        if drops is None:
-            return None
-        lens = drops.size(view)
-        return drops.layer(view, lens if _within(lens, size) else size, iteration)
+            return sent(self._model.rain_alpha(view, size))
+        return (rain.even_alpha + enlarged(sent(deviation)[None], size)[0]).clamp(0, MOST)
 
     def _averaged(self, image: Tensor, size: Size, kind: Matrix) -> Tensor:
         """A picture [H, W, 3] averaged over the areas of (height, width) pixels, as `kind` has it."""
@@ -166,9 +166,9 @@ class RainOnGPU:
         around = self._averaged(image, within_side(size, CELLS), averaging_around)
         return enlarged(around.permute(2, 0, 1), size).permute(1, 2, 0)
 
-    def _mist(self, mist: Mist, view: int, size: Size) -> MistOnGPU:
-        """The mist of a view of (height, width)."""
-        knots, colour = (sent(values.copy()).requires_grad_() for values in (mist.knots(view), mist.colour))
+    def _mist(self, mist: Mist, at_knots: NDArray[np.float32], size: Size) -> MistOnGPU:
+        """The mist of a view of (height, width), of which sqrt(mist_alpha) is known at the knots [h, w]."""
+        knots, colour = (sent(values.copy()).requires_grad_() for values in (at_knots, mist.colour))
         rows, columns = (self._matrix(spreading, pixels, n) for pixels, n in zip(size, knots.shape, strict=True))
         return MistOnGPU(knots, colour, (rows @ knots @ columns.T).square())
 
@@ -180,13 +180,13 @@ class RainOnGPU:
 
 def behind_rain(image: Tensor, alpha: Tensor, brightness: float) -> Tensor:
     """A view [H, W, 3] behind rain of alpha [H, W] or [1, 1] and encoded value `brightness`."""
-    return (1 - alpha[..., None]) * image + brightness * alpha[..., None]
+    return MIX(alpha[..., None], image, brightness)
 
 
 def behind_mist(image: Tensor, mist: MistOnGPU) -> Tensor:
     """A view [H, W, 3] behind mist, mixed in linear light; exactly the view where there is none."""
     alpha = mist.alpha[..., None]
-    light = (1 - alpha) * decoded(_clipped(image, float(BRIGHTEST_ENCODED))) + alpha * mist.colour
+    light = MIX(alpha, decoded(_clipped(image, float(BRIGHTEST_ENCODED))), mist.colour)
     return torch.where(alpha > 0, encoded(_clipped(light, float(BRIGHTEST))), image)
 
 
@@ -196,10 +196,8 @@ def difference_gradient(seen: Tensor, pixels: Tensor, weights: Tensor | None) ->
     return gradient if weights is None else gradient * weights[..., None]
 
 
-def behind_drops(image: Tensor, around: Tensor, layer: DropLayer) -> tuple[Tensor, Tensor, Tensor]:
-    """A view [H, W, 3] behind drops, their alpha [H, W], and factors [H, W] on each pixel's share of the loss.
-
-    See `DropLayer.forward`.
+def behind_drops(image: Tensor, around: Tensor, layer: DropLayer) -> tuple[Tensor, Tensor]:
+    """A view [H, W, 3] behind drops, and their alpha [H, W]; see `DropLayer.forward`.
 
     Args:
         image: the view.
@@ -208,10 +206,7 @@ def behind_drops(image: Tensor, around: Tensor, layer: DropLayer) -> tuple[Tenso
     """
     planes = sent(np.concatenate([layer.alpha[None], np.moveaxis(layer.light, 2, 0)]))
     alpha, *light = enlarged(planes, (image.shape[0], image.shape[1]))
-    fall = ((layer.hidden - alpha) / (layer.hidden - layer.shown)).clamp(0, 1)
-    cover = alpha[..., None]
-    seen = (1 - cover) * image + cover * around + torch.stack(light, dim=2)
-    return seen, alpha, fall * fall * (3 - 2 * fall)
+    return MIX(alpha[..., None], image, around) + torch.stack(light, dim=2), alpha
 
 
 def enlarged(planes: Tensor, size: Size) -> Tensor:

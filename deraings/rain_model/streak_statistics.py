@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deraings.image_planes import Plane
-from deraings.rain_model.rain_kernels import BANDS, line_sums
+from deraings.rain_model.kernels import BANDS, line_sums
 
 ANGLES = tuple(range(0, 180, 15))  # degrees counter-clockwise from +x
 OUTLIER = 4.0  # standard deviations beyond which a difference along a line is cut off

@@ -8,7 +8,8 @@ to either side, in every pixel. A view's rain_alpha is therefore S and a deviati
 and where the scene is known well the difference of photograph and render is (beta - B) D and the scene's fine detail
 that is not learned yet. Rain is long along one direction, so that its power lies in a wedge of frequencies across it;
 what a scene leaves is much alike in all directions. What the wedge holds beyond the usual of the other directions is
-rain, and D is that part of the difference: a Wiener filter, whose power spectra are means over the views.
+rain, and D is that part of the difference: a Wiener filter, whose power spectra are means over the views. If a network
+predicts streaks from each photograph, D begins with them, and the filter looks for what they leave.
 
 A training of a few thousand iterations learns streaks one by one, each from its view. So D is taken soon after it is
 sure that it rains, as the mean over a few visits of a view, and kept; and taken anew, twice, when the scene is known
@@ -16,7 +17,6 @@ better and has forgotten the streaks that D has explained.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -24,43 +24,25 @@ from numpy.typing import NDArray
 from scipy import fft
 
 from deraings.image_planes import Plane, resized, shrunk
-from deraings.rain_model.rain_kernels import toward_rain
-from deraings.rain_model.rain_layer import LONG_SIDE, MIN_CONTRAST
+from deraings.rain_model.kernels import toward_rain
 from hydroviews.scene.images import Image
 
 ZERO, STEP = 128, 1 / 200  # the 8 bits of D: what stands for 0, and for a difference of one
 RINGS = 64  # of frequencies, to one cycle a pixel
+LONG_SIDE = 480  # pixels; streaks are looked for in no larger pictures
+MIN_CONTRAST = 0.1  # encoded; in front of what is nearer to beta than that, streaks are hardly seen
 VIEW = "view"  # begins the names of what is known of a view
-
-
-@dataclass(frozen=True)
-class SingleStreaksConfig:
-    """How single streaks are found; numbers chosen on courtyard (docs/experiments/2026-11-rain-model.md).
-
-    Attributes:
-        wedge: degrees, (0, 90), to either side of the direction across the rain; 35 explains as much as 45.
-        smooth: frequencies, odd, each way, over which the power is averaged.
-        visits: of each view, at least 1, over which D is averaged; before, the spectra take as many as there are views.
-        renewals: shares of the iterations, [0, 1], at which D is taken anew; a third one changes nothing.
-        max_alpha: most that S + D may be, [0, 1).
-    """
-
-    wedge: float = 35.0
-    smooth: int = 9
-    visits: int = 3
-    renewals: tuple[float, ...] = (0.45, 0.65)
-    max_alpha: float = 0.95
 
 
 class SingleStreaks:
     """Mean power of the differences by frequency, and each view's D."""
 
-    def __init__(self, sizes: Sequence[tuple[int, int]], config: SingleStreaksConfig) -> None:
-        """Nothing known yet of the views, whose sizes are (height, width)."""
-        self._config = config
+    def __init__(self, sizes: Sequence[tuple[int, int]], wedge: float, smooth: int, visits: int) -> None:
+        """Nothing known yet of the views, whose sizes are (height, width); settings as in `RainfallConfig`."""
+        self._wedge, self._smooth, self._visits = wedge, smooth, visits
         factor = max(1.0, max(max(size) for size in sizes) / LONG_SIDE)  # one for all: they share a spectrum
         small = [shrunk(size, factor) for size in sizes]
-        self._full, self._small = list(sizes), small
+        self._small = small
         self._canvas = tuple(fft.next_fast_len(max(side), real=True) for side in zip(*small, strict=True))
         self.power = np.zeros((self._canvas[0], self._canvas[1] // 2 + 1))  # sums of squared amplitudes
         self.gain = np.zeros(self.power.shape, np.float32)  # of each frequency, once all views have been seen
@@ -68,14 +50,9 @@ class SingleStreaks:
         self.visits = np.zeros(len(sizes), np.int64)
         self.deviations: dict[int, NDArray[np.uint8]] = {}  # D [h, w] of the views seen so far
 
-    @property
-    def max_alpha(self) -> float:
-        """The most that rain_alpha S + D may be."""
-        return self._config.max_alpha
-
-    def due(self, view: int, size: tuple[int, int]) -> bool:
-        """Whether a view, rendered at (height, width), is to be looked at if it surely rains."""
-        return self.visits[view] < self._config.visits and size == self._full[view]
+    def due(self, view: int) -> bool:
+        """Whether a view is to be looked at if it surely rains."""
+        return bool(self.visits[view] < self._visits)
 
     def renew(self) -> None:
         """Take everything anew: the scene is known better now. Until then D stays what it is."""
@@ -89,44 +66,41 @@ class SingleStreaks:
             contrast: of rain and scene [H, W], both as of `along_rain`; where nothing is to be found both are 0.
             angle: of the streaks, degrees counter-clockwise from +x.
             view: index of the view.
-            prior: D [H, W] by other means, which counts as much.
+            prior: D [H, W] by other means; what it leaves of the difference is filtered.
         """
         size = self._small[view]
-        spectrum = fft.rfft2(resized(difference, size), self._canvas)
+        difference, contrast = resized(difference, size), resized(contrast, size)
+        known = np.zeros(size, np.float32) if prior is None else resized(prior, size)
+        spectrum = fft.rfft2(difference - contrast * known, self._canvas)
         spectrum[0, 0] = 0  # the mean belongs to S
         if self.spectra < len(self.visits):
             self._add_power(spectrum, angle)
             return
         streaks = fft.irfft2(spectrum * self.gain, self._canvas)[: size[0], : size[1]]
-        contrast = resized(contrast, size)
-        found = streaks * contrast / (contrast**2 + np.float32(MIN_CONTRAST**2))
-        self._add_deviation(view, found if prior is None else (found + resized(prior, size)) / 2)
+        self._add_deviation(view, known + alpha_along(streaks, contrast))
 
     def _add_power(self, spectrum: NDArray[np.complexfloating], angle: float) -> None:
         """One more view's power; after the last one the gain follows."""
         self.spectra += 1
         self.power += spectrum.real**2 + spectrum.imag**2
         if self.spectra == len(self.visits):
-            self.gain = wiener_gain(self.power, self._canvas[1], angle, self._config)
+            self.gain = wiener_gain(self.power, self._canvas[1], angle, self._wedge, self._smooth)
 
     def _add_deviation(self, view: int, found: Plane) -> None:
         """D as found in one more visit of a view, to the mean of all."""
         n = self.visits[view]
-        mean = (n * self.deviation(view) + found) / (n + 1)
+        mean = (n * self._deviation(view) + found) / (n + 1)
         self.deviations[view] = np.clip(np.rint(mean / STEP) + ZERO, 0, 255).astype(np.uint8)
         self.visits[view] = n + 1
 
-    def deviation(self, view: int) -> Plane:
-        """D [h, w] of a view, at no more than LONG_SIDE pixels; 0 where nothing is known."""
+    def deviation(self, view: int) -> Plane | None:
+        """D [h, w] of a view, at no more than LONG_SIDE pixels; None where nothing is known."""
+        return self._deviation(view) if view in self.deviations else None
+
+    def _deviation(self, view: int) -> Plane:
         if view not in self.deviations:
             return np.zeros(self._small[view], np.float32)
         return (self.deviations[view].astype(np.float32) - np.float32(ZERO)) * np.float32(STEP)
-
-    def alpha(self, view: int, even: float, size: tuple[int, int]) -> Plane | None:
-        """rain_alpha S + D [H, W] of a view, `even` being S; None where nothing is known but S."""
-        if view not in self.deviations:
-            return None
-        return np.clip(np.float32(even) + resized(self.deviation(view), size), 0, np.float32(self._config.max_alpha))
 
     def state_dict(self) -> dict[str, NDArray]:
         """Spectra and deviations, for checkpoints."""
@@ -160,7 +134,12 @@ def along_rain(photograph: Image, seen: Image, even: float, brightness: float) -
     return along, length
 
 
-def wiener_gain(power: NDArray, width: int, angle: float, config: SingleStreaksConfig) -> Plane:
+def alpha_along(along: Plane, length: Plane) -> Plane:
+    """The rain_alpha [H, W] of what `along_rain` returns; near 0 where the contrast to rain is small."""
+    return along * length / (np.square(length) + np.float32(MIN_CONTRAST**2))
+
+
+def wiener_gain(power: NDArray, width: int, angle: float, wedge: float, side: int) -> Plane:
     """Gain [H, W // 2 + 1] of each frequency: the share of its power that rain has.
 
     The power of the scene is taken to be the median of all frequencies as high outside of the wedge across the rain.
@@ -169,12 +148,13 @@ def wiener_gain(power: NDArray, width: int, angle: float, config: SingleStreaksC
         power: by frequency [H, W // 2 + 1], as of `scipy.fft.rfft2`.
         width: of the pictures, W.
         angle: of the rain, degrees counter-clockwise from +x.
-        config: the wedge, and how the power is averaged.
+        wedge: degrees to either side of the direction across the rain.
+        side: frequencies each way over which the power is averaged.
     """
     down, right = fft.fftfreq(power.shape[0])[:, None], fft.rfftfreq(width)[None]
     around = np.abs((np.degrees(np.arctan2(-down, right)) - angle) % 180 - 90)  # degrees from across the rain
-    inside = around <= config.wedge
-    smooth = _averaged(power, width, config.smooth)
+    inside = around <= wedge
+    smooth = _averaged(power, width, side)
     rings = (np.hypot(down, right) * RINGS).astype(int)
     known = [ring for ring in range(rings.max() + 1) if ((rings == ring) & ~inside).any()]
     usual = [np.median(smooth[(rings == ring) & ~inside]) for ring in known]

@@ -16,7 +16,7 @@ from baselines.gaussian_splatting import GaussianSplatting, GaussianSplattingCle
 from baselines.method import WRAPPERS, find_method
 from baselines.training.images import read_images
 from deraings.enhanced_method import EnhancedConfig, enhanced_scene, enhanced_views, on_enhanced
-from deraings.enhancement.network import EnhancementNetwork
+from deraings.enhancement.architecture.network import EnhancementNetwork
 from deraings.enhancement.weights import DEFAULT, find_weights, save_network
 from deraings.method import DeRainGS, DeRainGSConfig
 from hydroviews.errors import InputError

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from deraings.rain_model.model import RainConfig
+from deraings.rain_model.config import RainConfig
 
-PAGE = Path(__file__).parents[2] / "docs/methods/priors.md"
+PAGE = Path(__file__).parents[2] / "docs/methods/rain-model.md"
 SETTING = re.compile(r"`([a-z_]+\.[a-z_]+)`")
 RAIN = RainConfig()
 
@@ -34,14 +34,10 @@ def test_the_page_has_the_value_that_the_code_has(setting, value):
 def test_the_page_has_all_settings_that_say_what_rain_is():
     """Settings that are not listed say how rain is learned, or how much work that is."""
     how = {
-        "mist": {"start", "slack", "max_alpha", "dark_quantile"}
-        | {"rate", "colour_rate", "final_rate", "roughness_penalty"},
-        "drops": {"long_side", "every", "start", "noise", "hidden", "shown"},
-        "renewed": {"covered", "sample", "start", "shown", "hidden", "least", "around", "long_side"},
-        "rain_layer": {"start", "settled", "updates", "memory", "max_alpha"},
-        "streaks": {"smooth", "visits", "renewals", "max_alpha"},
-        "enhanced": {"sample", "until", "streaks_sample", "streaks_until"},
-        "staying": set(),
+        "mist": {"rate", "colour_rate"},
+        "drops": {"long_side", "every", "noise"},
+        "occlusion": {"most", "around"},
+        "rainfall": {"brightness", "updates", "memory", "smooth", "visits"},
     }
     for part, named in how.items():
         there = {setting.partition(".")[2] for setting, _ in listed() if setting.startswith(f"{part}.")}

@@ -17,7 +17,7 @@ from baselines.splatting.files.ply import SPLATS, read_ply
 from baselines.training import devices
 from deraings import reconstruct as module
 from deraings.method import DeRainGSConfig, DeRainGSPlus
-from deraings.rain_model.model import RainConfig
+from deraings.rain_model.config import RainConfig
 from deraings.reconstruct import (
     FILM,
     SHEET,
@@ -41,9 +41,9 @@ from hydroviews.scene.scenes import Points, no_points
 
 
 class Short(DeRainGSPlus):
-    """The method, in 60 iterations, without drops: a ball in the middle of all pictures stays on the lens, too."""
+    """The method, in 60 iterations, of falling rain: a ball in the middle of all pictures stays like drops and mist."""
 
-    profiles = {"demo": DeRainGSConfig(replace(CONFIG, iterations=60), rain=RainConfig(drops=None))}  # noqa: RUF012
+    profiles = {"demo": DeRainGSConfig(replace(CONFIG, iterations=60), rain=RainConfig(mist=None, drops=None))}  # noqa: RUF012
 
 
 @pytest.fixture(scope="module")

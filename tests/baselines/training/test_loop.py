@@ -28,9 +28,9 @@ from baselines.training.learning_curve import LEARNING_CURVE, ROWS
 from baselines.training.supervised_training import CURVE, Intervals
 from baselines.volumetric import trainer as volumetric
 from baselines.volumetric.model import RadianceModel
-from deraings.enhancement import training as enhancement
-from deraings.enhancement.config import TrainingConfig
-from deraings.enhancement.pairs import Pairs
+from deraings.enhancement.training import loop as enhancement
+from deraings.enhancement.training.config import TrainingConfig
+from deraings.enhancement.training.pairs import Pairs
 from hydroviews.pairs.rainy_pairs import DrawnRain
 from leaderboard.site.learning_curves import learning_curves
 

@@ -7,7 +7,7 @@ import pytest
 from baselines.derain_nerf.raindrop_attention.config import TrainingConfig as AttentionConfig
 from baselines.training.network_commands import use_threads
 from baselines.training.supervised_training import Intervals
-from deraings.enhancement.config import TrainingConfig
+from deraings.enhancement.training.config import TrainingConfig
 from hydroviews.errors import InputError
 
 

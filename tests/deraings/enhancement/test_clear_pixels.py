@@ -7,9 +7,9 @@ from tiny_network import TINY
 
 from baselines.training.images import read_images
 from deraings.enhancement import views as enhanced_views
+from deraings.enhancement.architecture.network import EnhancementNetwork
 from deraings.enhancement.clear_pixels import DROPS, STREAKS, hidden_by_drops, lens_covers, with_clear_pixels
 from deraings.enhancement.enhance import Enhanced
-from deraings.enhancement.network import EnhancementNetwork
 from deraings.enhancement.views import EnhancedViews
 from deraings.enhancement.weights import Enhancer
 from hydroviews.scene.images import read_image
@@ -129,17 +129,6 @@ def test_pictures_of_a_capture_are_cleared_once(rng, tmp_path, monkeypatch):
     assert times == [path.stat().st_mtime_ns for path in again]
     assert np.array_equal(views.training_images(clear=True).pixels(0), (read_image(cleared[0]) * 255).round())
     assert views.training_images(clear=True) is views.training_images(clear=True)  # large: several ask for them
-
-
-def test_what_covers_a_photograph_is_found_again_if_it_is_lost(tmp_path):
-    scene = photographed(tmp_path / "scene")
-    names = [view.name for view in scene.train_views]
-    enhancer = Enhancer(EnhancementNetwork(TINY).eval(), {}, "tiny")
-    views = EnhancedViews(read_images(scene.train_views), names, enhancer, tmp_path / "kept")
-    first = views.drop_cover(0)
-    (kept,) = (tmp_path / "kept").rglob(f"cover/{names[0]}.png")
-    kept.unlink()
-    assert np.array_equal(views.drop_cover(0), first)
 
 
 def test_to_say_whether_drops_stay_all_are_enhanced_two_at_a_time(tmp_path, monkeypatch):

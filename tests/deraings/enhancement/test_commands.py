@@ -13,9 +13,9 @@ from deraings.enhancement.__main__ import (
     export_command,
     train_command,
 )
-from deraings.enhancement.config import TrainingConfig
-from deraings.enhancement.data import Data, described, started_from
-from deraings.enhancement.network import EnhancementNetwork
+from deraings.enhancement.architecture.network import EnhancementNetwork
+from deraings.enhancement.training.config import TrainingConfig
+from deraings.enhancement.training.data import Data, described, started_from
 from deraings.enhancement.weights import save_network
 from hydroviews.errors import InputError
 from hydroviews.scene.images import read_image, write_png

@@ -6,8 +6,8 @@ import pytest
 import torch
 from tiny_network import TINY
 
+from deraings.enhancement.architecture.network import EnhancementNetwork, NetworkConfig
 from deraings.enhancement.enhance import enhance, predict, spans
-from deraings.enhancement.network import EnhancementNetwork, NetworkConfig
 from deraings.enhancement.weights import Enhancer
 
 

@@ -9,10 +9,7 @@ import torch
 from tiny_network import TINY
 
 from baselines.training.images import TrainingImages
-from deraings.enhancement.config import TrainingConfig
-from deraings.enhancement.data import Data, started_from
-from deraings.enhancement.enhance import enhance, predict, shipped
-from deraings.enhancement.lens_statistics import (
+from deraings.enhancement.architecture.lens_statistics import (
     COARSE,
     FINE,
     LONGEST_RUN,
@@ -22,10 +19,13 @@ from deraings.enhancement.lens_statistics import (
     lens_statistics,
     statistics_of_capture,
 )
-from deraings.enhancement.lenses import lenses_of_capture
-from deraings.enhancement.mist_branch import mean_mist
-from deraings.enhancement.network import EnhancementNetwork
-from deraings.enhancement.training import EnhancementTraining
+from deraings.enhancement.architecture.lenses import lenses_of_capture
+from deraings.enhancement.architecture.mist_branch import mean_mist
+from deraings.enhancement.architecture.network import EnhancementNetwork
+from deraings.enhancement.enhance import enhance, predict, shipped
+from deraings.enhancement.training.config import TrainingConfig
+from deraings.enhancement.training.data import Data, started_from
+from deraings.enhancement.training.loop import EnhancementTraining
 from deraings.enhancement.views import EnhancedViews
 from deraings.enhancement.weights import Enhancer, load_enhancer, save_network
 from hydroviews.errors import InputError
@@ -169,7 +169,7 @@ def test_training_views_are_enhanced_with_what_all_of_them_say(tmp_path):
     assert np.abs(views.image(1) - enhance(image, listening())).max() > 0.02
     assert len(views.files()) == 3
     cover = predict(image, listening(), lens=lens).cover
-    np.testing.assert_allclose(views.drop_cover(1), cover[..., 1], atol=0.01)
+    np.testing.assert_allclose(views.small_drop_cover(1), cover[..., 1], atol=0.01)
     assert cover.std() > 0
 
 
@@ -196,23 +196,39 @@ def test_holes_are_not_taken_for_drops(tmp_path):
         enhanced_views(photographs, listening(), tmp_path / name, masks)
         for name, masks in (("plain", ()), ("masked", [hidden] * 3))
     )
-    cover, holed = plain.drop_cover(0), masked.drop_cover(0)
+    cover, holed = plain.small_drop_cover(0), masked.small_drop_cover(0)
     assert (holed[16:28, 26:38] == 0).all()
     assert cover[16:28, 26:38].mean() > 0.1
     assert (holed[:12] > 0).any()
 
 
-def test_the_light_of_mist_on_a_lens_is_seen(tmp_path):
+def test_the_mist_on_a_lens_is_predicted(tmp_path):
     clean = panorama.views_of(panorama.paint(), 12)
     alpha, light = panorama.slanted_mist(0.1), np.full(3, 0.7, np.float32)
     misty = panorama.eight_bit(panorama.misted(clean, alpha, light))
-    assert abs(enhanced_views(panorama.eight_bit(clean), shipped(), tmp_path).mist_light()) < 0.003
-    assert enhanced_views(misty, shipped(), tmp_path).mist_light() == pytest.approx(0.7 * np.median(alpha), rel=0.5)
+    none = enhanced_views(panorama.eight_bit(clean), shipped(), tmp_path).lens_mist(0)
+    some = enhanced_views(misty, shipped(), tmp_path).lens_mist(0)
+    assert none.light.shape == none.error.shape == (16, 16)
+    assert abs(np.median(none.light)) < 0.003
+    assert np.median(some.light) == pytest.approx(0.7 * np.median(alpha), rel=0.5)
+    assert some.light[:, -3:].mean() > 2 * some.light[:, :3].mean()
+
+
+def test_the_error_of_the_mist_on_a_lens_is_that_of_the_mean_over_its_photographs(tmp_path):
+    photographs, enhancer = capture(5, 32, 64), listening()
+    found = enhanced_views(photographs, enhancer, tmp_path).lens_mist(2)
+    coarse = statistics_of_capture(5, photographs.__getitem__)[0].coarse[None]
+    each = torch.cat([enhancer.network.find_mist(planes([p]), coarse) for p in photographs])
+    added = (each[:, 0] * each[:, 1:].mean(1)).numpy()
+    assert found.error == pytest.approx(added.std(axis=0, ddof=1) / np.sqrt(5), abs=1e-5)
+    assert found.light == pytest.approx(added.mean(axis=0), abs=0.01)
+    assert found.error.max() > 1e-4
 
 
 def test_one_photograph_and_a_network_for_single_ones_say_nothing_of_mist_on_a_lens(tmp_path):
-    assert enhanced_views(capture(1, 32, 64), listening(), tmp_path).mist_light() is None
-    assert enhanced_views(capture(3, 32, 64), listening(replace(TINY, lens_mist=False)), tmp_path).mist_light() is None
+    assert enhanced_views(capture(1, 32, 64), listening(), tmp_path).lens_mist(0) is None
+    single = listening(replace(TINY, lens_mist=False))
+    assert enhanced_views(capture(3, 32, 64), single, tmp_path).lens_mist(0) is None
 
 
 def test_the_mist_of_a_picture_depends_on_its_companions():

@@ -4,8 +4,7 @@ import torch
 from tiny_network import TINY
 from torch.nn import functional
 
-from deraings.enhancement.enhance import enhance
-from deraings.enhancement.mist_branch import (
+from deraings.enhancement.architecture.mist_branch import (
     FLOOR,
     MAX_ALPHA,
     TRUE_MIST,
@@ -18,7 +17,8 @@ from deraings.enhancement.mist_branch import (
     statistics,
     without_mist,
 )
-from deraings.enhancement.network import EnhancementNetwork
+from deraings.enhancement.architecture.network import EnhancementNetwork
+from deraings.enhancement.enhance import enhance
 from deraings.enhancement.weights import Enhancer
 from hydroviews.scene.images import to_linear, to_srgb
 

@@ -5,8 +5,7 @@ import pytest
 import torch
 from tiny_network import TINY
 
-from deraings.enhancement.enhance import mirrored, padded
-from deraings.enhancement.network import (
+from deraings.enhancement.architecture.network import (
     CONFIGS,
     KEPT,
     PAPER,
@@ -15,7 +14,8 @@ from deraings.enhancement.network import (
     SparseAttention,
     TransposedAttention,
 )
-from deraings.enhancement.size import describe, measure
+from deraings.enhancement.architecture.size import describe, measure
+from deraings.enhancement.enhance import mirrored, padded
 
 
 def pictures(height: int = 32, width: int = 64, count: int = 1, seed: int = 0) -> torch.Tensor:

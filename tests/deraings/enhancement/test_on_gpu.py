@@ -7,12 +7,12 @@ from tiny_network import TINY
 
 from baselines.training.images import TrainingImages
 from baselines.training.supervised_training import Intervals
-from deraings.enhancement.config import TrainingConfig
+from deraings.enhancement.architecture.lens_statistics import COARSE, FINE
+from deraings.enhancement.architecture.lenses import lenses_of_capture
 from deraings.enhancement.enhance import enhance, predict
-from deraings.enhancement.lens_statistics import COARSE, FINE
-from deraings.enhancement.lenses import lenses_of_capture
-from deraings.enhancement.pairs import Sample
-from deraings.enhancement.training import train
+from deraings.enhancement.training.config import TrainingConfig
+from deraings.enhancement.training.loop import train
+from deraings.enhancement.training.pairs import Sample
 from deraings.enhancement.weights import load_enhancer
 
 

@@ -4,9 +4,9 @@ import torch
 from wet import HEIGHT, WIDTH, lens, photograph
 
 from baselines.training.supervised_training import draw_ahead
-from deraings.enhancement.pair_folders import PairFolder, find_pairs
-from deraings.enhancement.pairs import MISTED, Batches, Pairs, sensed, stored
-from deraings.enhancement.validation_pictures import rainy_picture, setting_of
+from deraings.enhancement.training.pair_folders import PairFolder, find_pairs
+from deraings.enhancement.training.pairs import MISTED, Batches, Pairs, sensed, stored
+from deraings.enhancement.validation.pictures import rainy_picture, setting_of
 from hydroviews.errors import InputError
 from hydroviews.pairs.drawing import Pair, shares_without
 from hydroviews.pairs.lens_pool import camera_of

@@ -11,11 +11,11 @@ from tiny_network import TINY
 from baselines.training.checkpoints import CHECKPOINT
 from baselines.training.network_commands import rounded
 from baselines.training.supervised_training import CURVE, Intervals, rate_at
-from deraings.enhancement.config import TrainingConfig
-from deraings.enhancement.lens_statistics import COARSE, FINE
-from deraings.enhancement.loss import cover_loss, enhancement_loss, error_loss
-from deraings.enhancement.pairs import Pairs, Sample
-from deraings.enhancement.training import EnhancementTraining, train
+from deraings.enhancement.architecture.lens_statistics import COARSE, FINE
+from deraings.enhancement.training.config import TrainingConfig
+from deraings.enhancement.training.loop import EnhancementTraining, train
+from deraings.enhancement.training.loss import cover_loss, enhancement_loss, error_loss
+from deraings.enhancement.training.pairs import Pairs, Sample
 from deraings.enhancement.weights import load_enhancer, save_network
 from hydroviews.errors import InputError
 from hydroviews.pairs.drawing import Pair

@@ -12,13 +12,12 @@ from wet import photograph
 
 from baselines.training.validation import as_json
 from deraings.enhancement import __main__ as commands
-from deraings.enhancement import validation
-from deraings.enhancement.calibration import calibration
-from deraings.enhancement.detection import detection
+from deraings.enhancement.architecture.network import EnhancementNetwork
 from deraings.enhancement.enhance import Enhanced
-from deraings.enhancement.network import EnhancementNetwork
-from deraings.enhancement.validation import as_columns, scores, scores_by_companions, table
-from deraings.enhancement.validation_pictures import (
+from deraings.enhancement.validation import scores as validation
+from deraings.enhancement.validation.calibration import calibration
+from deraings.enhancement.validation.detection import detection
+from deraings.enhancement.validation.pictures import (
     PATTERNS,
     TrueMist,
     ValidationPicture,
@@ -26,6 +25,7 @@ from deraings.enhancement.validation_pictures import (
     setting_of,
     validation_set,
 )
+from deraings.enhancement.validation.scores import as_columns, scores, scores_by_companions, table
 from deraings.enhancement.weights import save_network
 from hydroviews.errors import InputError
 from hydroviews.rain.patterns import GRADES, Pattern

@@ -3,35 +3,32 @@
 import numpy as np
 import panorama
 import pytest
+from pretended_network import PretendedNetwork
 
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import photometric_loss, prepare_target
 from baselines.training.images import TrainingImages
 from deraings.image_planes import surroundings
-from deraings.rain_model.drops import LensDropsConfig
-from deraings.rain_model.mist_config import MistConfig
-from deraings.rain_model.model import RainConfig, RainModel
-from deraings.rain_model.observation import Observation
-from deraings.rain_model.rain_layer import RainLayerConfig
-from hydroviews.rain.streaks.effect import StreakPattern, composite, streak_layer
+from deraings.lens.mist_prior import NetworkMist
+from deraings.rain_model.config import RainConfig, RainfallConfig
+from deraings.rain_model.model import DROPS, MIST, RainModel
+from deraings.rain_model.rainfall import Observation
+from hydroviews.rain.streaks.recipe import StreakPattern, composite, streak_layer
 from hydroviews.scene.images import to_linear, to_srgb
 
 COUNT, SIZE, STEPS, BETA = 10, (121, 160), 100, 0.88
 PATTERN = StreakPattern(n=200, length=40, angle=75, width=7)
-CONFIG = RainConfig(
-    mist=MistConfig(start=0),
-    drops=LensDropsConfig(start=0.05, min_share=0.01),
-    rain_layer=RainLayerConfig(min_updates=0, start=0, rainy=0.07),
-)
+CONFIG = RainConfig(rainfall=RainfallConfig(rainy=0.07))
+DROP = (slice(40, 70), slice(30, 60))
+MIST_ALPHA = np.tile(np.linspace(0, 0.4, SIZE[1], dtype=np.float32), (SIZE[0], 1))
 
 
 def rainy_views():
     """Streaks, then mist, then a drop over a known scene: photographs and scene, [N, H, W, 3] each."""
     scene, rng = panorama.views_of(panorama.paint(size=(250, 400)), COUNT, size=SIZE), np.random.default_rng(7)
     rained = [composite(view, streak_layer(PATTERN, SIZE[1], SIZE[0], rng), BETA) for view in scene]
-    mist = np.tile(np.linspace(0, 0.4, SIZE[1], dtype=np.float32), (SIZE[0], 1))
-    photographs = panorama.misted(np.stack(rained), mist, np.array([0.6, 0.65, 0.7]))
-    photographs[:, 40:70, 30:60] = panorama.shaded_drop(30, 30)
+    photographs = panorama.misted(np.stack(rained), MIST_ALPHA, np.array([0.6, 0.65, 0.7]))
+    photographs[(slice(None), *DROP)] = panorama.shaded_drop(30, 30)
     return photographs, scene
 
 
@@ -40,8 +37,9 @@ def step(model, photograph, scene_image, view, iteration, buffers):
     target = prepare_target((255 * photograph).round().astype(np.uint8))
     model.begin(iteration)
     seen = model.forward(scene_image, view, iteration, buffers)
-    _, gradient = photometric_loss(seen.image, target, 0.2, seen.weights, buffers)
-    observed = Observation(photograph, None, None, seen.weights)
+    weights = model.weights(lambda: seen.image, target, view, iteration)
+    _, gradient = photometric_loss(seen.image, target, 0.2, weights, buffers)
+    observed = Observation(photograph, None, None, weights)
     by_scene, by_mist = model.backward(seen, gradient, observed, buffers)
     model.update(seen, observed, by_mist, buffers)
     return seen, by_scene, by_mist
@@ -53,13 +51,22 @@ def views():
 
 
 @pytest.fixture
-def model(views):
+def model(views, found):
     """A model that has found all kinds of rain."""
+    photographs, _ = views
+    model = RainModel(TrainingImages(panorama.eight_bit(photographs)), STEPS, CONFIG)
+    model.load_state_dict({name: value.copy() for name, value in found.items()})
+    return model
+
+
+@pytest.fixture(scope="module")
+def found(views):
+    """The state of such a model."""
     photographs, scene = views
     model, buffers = RainModel(TrainingImages(panorama.eight_bit(photographs)), STEPS, CONFIG), BufferPool()
     for i in range(60):
         step(model, photographs[i % COUNT], scene[i % COUNT], i % COUNT, i, buffers)
-    return model
+    return state_of(model)
 
 
 def state_of(model):
@@ -102,19 +109,8 @@ def test_only_update_learns(model, views):
     assert same(before, state_of(model))
     model.update(seen, observed, by_mist, buffers)
     after = state_of(model)
-    for part in ("mist", "drops", "rain_layer"):
+    for part in ("mist", "drops", "rainfall"):
         assert not same(*({n: v for n, v in state.items() if n.startswith(part)} for state in (before, after)))
-
-
-def test_drops_are_told_from_every_second_view(model, views):
-    photographs, scene = views
-    for iteration, learns in ((60, True), (61, False), (62, True)):
-        sums, buffers = model.drops.lenses[0].sums, BufferPool()
-        before = sums.copy()
-        seen, observed = model.forward(scene[3], 3, iteration, buffers), Observation(photographs[3], None, None, None)
-        _, by_mist = model.backward(seen, np.ones((*SIZE, 3), np.float32), observed, buffers)
-        model.update(seen, observed, by_mist, buffers)
-        assert np.array_equal(before, sums) != learns
 
 
 def test_an_update_leaves_what_was_seen_as_it_was(model, views):
@@ -126,20 +122,8 @@ def test_an_update_leaves_what_was_seen_as_it_was(model, views):
     observed = Observation(photographs[3], None, None, None)
     _, by_mist = model.backward(seen, np.ones((*SIZE, 3), np.float32), observed, buffers)
     model.update(seen, observed, by_mist, buffers)
-    assert seen.single
+    assert model.rainfall.deviation(3) is not None
     assert all(np.array_equal(a, b) for a, b in zip(kept, (seen.image, seen.without_drops, seen.rained), strict=True))
-
-
-def test_it_comes_back_from_its_state(model, views):
-    photographs, scene = views
-    again = RainModel(TrainingImages(panorama.eight_bit(photographs)), STEPS, CONFIG)
-    again.load_state_dict(state_of(model))
-    for i in range(60, 75):
-        one, other = (
-            step(m, photographs[i % COUNT], scene[i % COUNT], i % COUNT, i, BufferPool()) for m in (model, again)
-        )
-        assert np.array_equal(one[1], other[1])
-    assert same(state_of(model), state_of(again))
 
 
 def test_drops_are_learned_from_what_is_seen_without_drops(model, views, monkeypatch):
@@ -151,3 +135,68 @@ def test_drops_are_learned_from_what_is_seen_without_drops(model, views, monkeyp
     model.update(seen, Observation(photographs[3], None, None, None), None, buffers)
     assert np.array_equal(told[0], seen.without_drops)
     assert not np.array_equal(seen.image, seen.without_drops)
+
+
+def test_all_layers_are_found_where_they_were_drawn(model, views):
+    inside, mist, drop = np.zeros(SIZE, bool), model.mist_alpha(3, SIZE), model.drop_alpha(3, SIZE)
+    inside[DROP] = True
+    assert (drop[inside] > 0.5).mean() > 0.8
+    assert (drop[~inside] > 0.5).mean() < 0.1
+    assert np.corrcoef(mist[~inside], MIST_ALPHA[~inside])[0, 1] > 0.9
+    assert model.needed() == ["mist", "drops", "rain"]
+    report = model.report(dict.fromkeys((0, 3), SIZE))
+    assert report["mist_mean"] == pytest.approx(max(model.mist_alpha(view, SIZE).mean() for view in (0, 3)))
+    assert report["drops"] == pytest.approx(inside.mean(), abs=0.03)
+    assert report["rain"] > 0.02
+    assert report["rain_angle"] == pytest.approx(PATTERN.angle, abs=15)
+    assert all(isinstance(value, float) for value in report.values())
+
+
+@pytest.mark.parametrize("layer", [MIST, DROPS])
+def test_a_layer_that_is_left_out_or_off_is_not_seen_through(model, views, layer):
+    scene_image, buffers = views[1][3], BufferPool()
+    without = model.forward(scene_image, 3, 60, buffers, without=layer)
+    kept = without.image.copy(), without.mist_root, without.drops
+    model.off = {layer}
+    off = model.forward(scene_image, 3, 60, BufferPool())
+    assert np.array_equal(off.image, kept[0])
+    assert (off.mist_root is None) == (layer == MIST)
+    assert (off.drops is None) == (layer == DROPS)
+    alpha = model.mist_alpha(3, SIZE) if layer == MIST else model.drop_alpha(3, SIZE)
+    assert not alpha.any()
+    assert layer not in model.needed()
+    if layer == DROPS:
+        assert model.weights(lambda: off.image, prepare_target(np.zeros((*SIZE, 3), np.uint8)), 3, 60) is None
+
+
+def test_drops_do_not_count_before_their_start(model, views):
+    assert model.forward(views[1][3], 3, 4, BufferPool()).drops is None
+    assert model.forward(views[1][3], 3, 5, BufferPool()).drops is not None
+
+
+def test_what_a_network_predicts_is_evidence_of_each_layer(views):
+    photographs, _ = views
+    covers = np.zeros((COUNT, *SIZE), np.float32)
+    covers[(slice(None), *DROP)] = 0.8
+    light = np.full((16, 16), 0.02, np.float32)
+    network = PretendedNetwork(photographs, covers, NetworkMist(light, light / 10))
+    images = TrainingImages(panorama.eight_bit(photographs))
+    alone = RainModel(images, STEPS, CONFIG)
+    model = RainModel(images, STEPS, CONFIG, network, covers=network)
+    assert model.mist.prior.deviation.mean() < alone.mist.prior.deviation.mean()
+    assert model.occluded(3, SIZE)[DROP].mean() == pytest.approx(0.8, abs=0.01)
+    assert not alone.occluded(3, SIZE).any()
+    report = model.report({3: SIZE})
+    assert report["recurring"] == pytest.approx(1, abs=1e-3)
+    assert report["occluded"] == pytest.approx(covers[3].mean(), rel=0.02)
+    target, seen = prepare_target(panorama.eight_bit(photographs)[3]), views[1][3]
+    weights = model.weights(lambda: seen, target, 3, 0)
+    assert weights[DROP].mean() < 0.3
+    assert weights[:30].min() == 1
+    assert model.settings()["network"] == "of a test"
+
+
+def test_a_network_that_predicts_no_cover_is_no_evidence_of_drops(views):
+    model = RainModel(TrainingImages(panorama.eight_bit(views[0])), STEPS, CONFIG, covers=PretendedNetwork())
+    assert model.occlusion is None
+    assert "occluded" not in model.report({0: SIZE})

@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from deraings.rain_model.rain_layer import RainLayerConfig
+from deraings.rain_model.config import RainfallConfig
 from deraings.rain_model.streak_statistics import (
     ANGLES,
     along_line,
@@ -50,8 +50,8 @@ def test_drops_that_ran_a_little_are_no_rain():
     drops = 20 * cv2.GaussianBlur(seeds, (0, 0), sigmaX=2.0, sigmaY=2.4)
     powers = line_powers(drops + 0.2 * rng.standard_normal(seeds.shape).astype(np.float32), 9 / 240, None)
     skews = powers[:, 2] / powers[:, 1] ** 1.5
-    assert skews.max() - np.median(skews) > RainLayerConfig().dry
-    assert directed_skew(powers) < RainLayerConfig().dry
+    assert skews.max() - np.median(skews) > RainfallConfig().dry
+    assert directed_skew(powers) < RainfallConfig().dry
 
 
 @pytest.mark.parametrize(("density", "strength"), [(0.004, 0.15), (0.004, 0.3), (0.015, 0.15), (0.03, 0.1)])

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from deraings.enhancement.network import SMALL
+from deraings.enhancement.architecture.network import SMALL
 
 TINY = replace(
     SMALL,

@@ -1,0 +1,153 @@
+"""What is to be expected of mist: sources of known means and errors, one missing or another."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pale_points import AIR, VIEWS, alpha_at, pale_points
+
+from deraings.lens.mist_bounds import MistBounds
+from deraings.lens.mist_prior import (
+    LEAST,
+    NETWORK_LEAST,
+    NETWORK_SHARE,
+    NetworkMist,
+    mist_exists,
+    mist_prior,
+    weighed_mean,
+)
+
+ROWS = np.stack(np.meshgrid(np.linspace(0, 1, 6), np.linspace(0, 1, 5)), axis=2)
+CELL_ROWS = np.broadcast_to(((np.arange(16) + 0.5) / 16)[:, None, None], (16, 16, 2))
+
+
+def bounds_of(even=0.05, times=2):
+    """What may be: `alpha_at`, and so much more that is even."""
+    possible = np.repeat(alpha_at(ROWS)[None], times, axis=0)
+    return MistBounds(VIEWS, AIR, possible + np.float32(even), possible, [None] * VIEWS)
+
+
+def no_network(_):
+    return None
+
+
+def sees(alpha, error=0.0):
+    """A network that predicts so much of `alpha_at`, with an error of mist_alpha."""
+    light = (alpha * alpha_at(CELL_ROWS) * AIR.mean()).astype(np.float32)
+    return lambda _: NetworkMist(light, np.full((16, 16), error * AIR.mean(), np.float32))
+
+
+def test_the_mean_of_sources_is_weighed_by_the_inverse_variances():
+    means, deviations = np.float32([[0.1, 0.3], [0.2, 0.0]]), np.float32([[0.1, 0.2], [0.3, 0.2]])
+    mean, deviation = weighed_mean(list(zip(means, deviations, strict=True)))
+    precision = 1 / deviations**2
+    assert mean == pytest.approx((precision * means).sum(axis=0) / precision.sum(axis=0))
+    assert deviation == pytest.approx(precision.sum(axis=0) ** -0.5)
+
+
+def test_with_nothing_but_the_bound_any_mist_up_to_it_is_as_likely():
+    bounds = bounds_of()
+    prior = mist_prior(bounds, no_network)
+    assert prior.mean == pytest.approx(bounds.possible / 2)
+    assert prior.deviation == pytest.approx(np.maximum(bounds.possible / np.sqrt(12), LEAST), rel=1e-4)
+    assert prior.paleness is None
+
+
+@pytest.mark.parametrize("alpha", [0.0, 0.3, 0.6])
+def test_a_network_that_is_sure_is_followed(alpha):
+    prior, alone = mist_prior(bounds_of(), sees(alpha)), mist_prior(bounds_of(), no_network)
+    middle = np.s_[:, 1:-1]  # cells end half of one before the edges of the lens
+    assert prior.mean[middle] == pytest.approx(alpha * bounds_of().possible[middle], abs=0.03)
+    assert (prior.deviation <= alone.deviation).all()
+
+
+def test_the_error_of_a_network_is_that_over_photographs_and_what_photographs_share():
+    bounds = bounds_of()
+    found = mist_prior(bounds, sees(0.5, 0.02)).deviation[:, 2]
+    mean = 0.5 * bounds.possible[:, 2]
+    expected = weighed_mean(
+        [
+            (mean, bounds.possible[:, 2] / np.sqrt(12)),
+            (mean, np.sqrt(0.02**2 + (NETWORK_SHARE * mean) ** 2 + NETWORK_LEAST**2)),
+        ]
+    )[1]
+    assert found == pytest.approx(expected, rel=0.02)
+
+
+def test_a_network_of_larger_error_is_followed_less():
+    bounds = bounds_of()
+    means = [mist_prior(bounds, sees(0.0, error)).mean.mean() for error in (0.0, 0.05, 5.0)]
+    assert means == sorted(means)
+    assert means[0] < 0.2 * means[2]
+    assert means[2] == pytest.approx(bounds.possible.mean() / 2, rel=0.01)
+
+
+def test_a_network_that_predicts_nothing_for_a_time_does_not_count():
+    late = lambda view: sees(0.0)(view) if view >= VIEWS // 2 else None  # noqa: E731
+    assert np.array_equal(mist_prior(bounds_of(), late).mean, mist_prior(bounds_of(), no_network).mean)
+    some = lambda view: sees(0.0)(view) if view % 5 == 0 else None  # noqa: E731
+    assert np.array_equal(mist_prior(bounds_of(), some).mean, mist_prior(bounds_of(), sees(0.0)).mean)
+
+
+def test_what_a_network_predicts_at_one_time_is_expected_then():
+    drying = lambda view: sees(1.0 if view < VIEWS // 2 else 0.0)(view)  # noqa: E731
+    first, last = mist_prior(bounds_of(), drying).mean.mean(axis=(1, 2))
+    assert first > 3 * last
+
+
+@pytest.mark.parametrize("network", [no_network, sees(0.0, 0.3)])
+def test_points_that_show_mist_raise_what_is_expected(network):
+    means = [
+        mist_prior(bounds_of(), network, lambda share=share: pale_points(share)).mean.mean()
+        for share in (0.0, 0.5, 1.0)
+    ]
+    assert means == sorted(means)
+    assert means[2] - means[0] > 0.03
+
+
+def test_points_alone_pull_from_the_middle_toward_what_they_show():
+    bounds = bounds_of()
+    prior = mist_prior(bounds, no_network, lambda: pale_points(1.0))
+    assert prior.paleness.mist == pytest.approx(1.25, abs=0.15)
+    share = prior.mean[:, :-1] / bounds.possible[:, :-1]
+    assert (share > 0.55).all()
+    assert (share < prior.paleness.mist).all()
+    assert (prior.deviation <= mist_prior(bounds, no_network).deviation).all()
+
+
+def test_fog_widens_and_never_lowers_below_no_mist():
+    """In fog points grow pale at all depths: what they show of mist counts for less."""
+    clear, foggy = (mist_prior(bounds_of(), no_network, lambda f=fog: pale_points(0.0, f)) for fog in (0.0, 1.0))
+    somewhere = bounds_of().possible > 0
+    assert (foggy.deviation > 1.05 * clear.deviation)[somewhere].all()
+    for prior in (clear, foggy):
+        assert (prior.mean >= 0).all()
+        assert prior.paleness is not None
+
+
+def test_too_few_points_say_nothing():
+    prior = mist_prior(bounds_of(), no_network, lambda: pale_points(points=10))
+    assert prior.paleness is None
+    assert np.array_equal(prior.mean, mist_prior(bounds_of(), no_network).mean)
+
+
+def test_no_more_is_expected_than_the_photographs_allow():
+    bounds = bounds_of(even=0.0)
+    prior = mist_prior(replace(bounds, max_alpha=bounds.possible / 4), sees(3.0))
+    assert prior.mean == pytest.approx(bounds.possible / 4)
+
+
+@pytest.mark.parametrize(
+    ("network", "share", "fog", "wet", "exists"),
+    [
+        (sees(0.3), 0.0, 0.0, False, True),
+        (sees(0.0), 1.0, 0.0, False, False),  # a network is asked before points
+        (sees(0.0), 0.0, 0.0, True, True),
+        (no_network, 1.0, 0.0, False, True),
+        (no_network, 0.0, 0.0, False, False),
+        (sees(0.3), 0.0, 1.0, True, False),  # fog is in the scene
+    ],
+)
+def test_a_network_a_wet_lens_or_points_show_that_there_is_mist(network, share, fog, wet, exists):
+    prior = mist_prior(bounds_of(), network, lambda: pale_points(share, fog))
+    assert mist_exists(prior, wet) == exists

@@ -1,0 +1,161 @@
+import numpy as np
+import panorama
+import pytest
+from pretended_network import PretendedNetwork
+
+from deraings.rain_model.config import RainfallConfig
+from deraings.rain_model.rainfall import MIN_UPDATES, Observation, Rainfall, alpha_between
+from deraings.rain_model.streaks import MIN_CONTRAST
+from hydroviews.rain.streaks.recipe import StreakPattern, composite, streak_layer
+
+COUNT, SIZE, BETA, STEPS = 10, (121, 160), 0.88, 100
+PATTERN = StreakPattern(n=200, length=30, angle=75, width=5)
+CONFIG = RainfallConfig(memory=1000)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return panorama.views_of(panorama.paint(size=(250, 400)), COUNT, size=SIZE)
+
+
+def rained_on(scene):
+    """The views with the paper's streaks, and the streaks' layers."""
+    rng = np.random.default_rng(7)
+    layers = [streak_layer(PATTERN, SIZE[1], SIZE[0], rng) for _ in scene]
+    photographs = [composite(view, layer, BETA) for view, layer in zip(scene, layers, strict=True)]
+    return np.stack(photographs).astype(np.float32), np.stack(layers)
+
+
+def learned(scene, cover):
+    """The scene as it is learned through rain of that median cover, with an error."""
+    error = 0.02 * np.random.default_rng(3).standard_normal(scene.shape)
+    return (scene * (1 - cover) + BETA * cover + error).astype(np.float32)
+
+
+def watch(photographs, seen, weights=None, network=None, rounds=2, config=CONFIG, shown=None):
+    """Rain that has been looked for in all views, some times."""
+    rain = Rainfall([SIZE] * COUNT, STEPS, 0, config, network)
+    for _ in range(rounds):
+        for view in range(COUNT):
+            rain.update(Observation(photographs[view], shown, shown, weights), seen[view], view, iteration=30)
+    return rain
+
+
+def test_the_median_alpha_is_found(scene):
+    photographs, layers = rained_on(scene)
+    cover = float(np.median(layers))
+    rain = watch(photographs, learned(scene, cover))
+    assert rain.certainty() == 1
+    assert rain.even_alpha == pytest.approx(cover, abs=0.05)
+    assert abs(rain.angle() - PATTERN.angle) <= 15
+
+
+@pytest.mark.parametrize("fog", [0.0, 0.5])
+def test_it_does_not_rain_in_dry_views_nor_in_fog(scene, fog):
+    pale = (scene * (1 - fog) + 0.7 * fog).astype(np.float32)
+    rain = watch(pale, learned(pale, 0))
+    assert rain.certainty() == rain.even_alpha == 0
+    assert rain.rain_alpha(0, SIZE) is None
+
+
+def test_rain_before_fog_is_not_taken_for_the_fog(scene):
+    pale = scene * 0.5 + 0.35
+    photographs, layers = rained_on(pale)
+    cover = float(np.median(layers))
+    assert watch(photographs, learned(pale, cover)).even_alpha == pytest.approx(cover, abs=0.08)
+
+
+def test_pixels_without_weight_are_not_looked_at(scene):
+    photographs, _ = rained_on(scene)
+    rain = watch(photographs, learned(scene, 0.1), np.zeros(SIZE, np.float32))
+    assert rain.even_alpha == 0
+    assert not rain.powers.any()
+
+
+def test_a_view_that_is_nearly_all_light_tells_nothing(scene):
+    photographs, layers = rained_on(scene)
+    seen = learned(scene, float(np.median(layers)))
+    snow = np.ones(SIZE, bool)
+    snow[:4] = False  # less than a twentieth is left
+    photographs[:, snow], seen[:, snow] = 0.9, 0.8
+    assert not watch(photographs, seen).powers.any()
+
+
+def test_few_updates_say_nothing(scene):
+    photographs, layers = rained_on(scene)
+    seen = learned(scene, float(np.median(layers)))
+    rain = Rainfall([SIZE] * COUNT, STEPS, 0, RainfallConfig())
+    for update in range(24):
+        assert rain.powers[0, 0] >= MIN_UPDATES or rain.certainty() == rain.even_alpha == 0
+        view = update % COUNT
+        rain.update(Observation(photographs[view], None, None, None), seen[view], view, iteration=30)
+    assert rain.certainty() == 1
+    assert rain.even_alpha > 0
+
+
+def test_alpha_stays_once_half_of_the_training_is_over(scene):
+    photographs, layers = rained_on(scene)
+    rain = watch(photographs, learned(scene, float(np.median(layers))))
+    cover = rain.even_alpha
+    for view, photograph in enumerate(photographs):  # by now every streak is learned
+        rain.update(Observation(photograph, None, None, None), photograph * np.float32(0.98), view, iteration=60)
+    assert rain.certainty() == 1
+    assert rain.even_alpha == cover
+
+
+def test_updates_are_spread_over_the_training_from_its_start_on():
+    rain = Rainfall([SIZE], 1000, 100, RainfallConfig(updates=50))
+    updates = [iteration for iteration in range(1000) if rain.due(0, SIZE, iteration)]
+    assert 100 <= updates[0] < 118
+    assert 50 <= len(updates) <= 54
+    assert not any(rain.due(0, (60, 80), iteration) for iteration in range(1000))  # small views hide streaks
+
+
+def network_that_sees(scene, layers, share):
+    """It takes a share of all views' rain."""
+    left = ((1 - layers) / (1 - share * layers))[..., None]  # of contrast
+    return PretendedNetwork(BETA - (BETA - scene) * left)
+
+
+def seen_by_a_network(scene, share, shown=None):
+    photographs, layers = rained_on(scene)
+    seen = learned(scene, float(np.median(layers)))
+    network = network_that_sees(scene, layers, share)
+    return watch(photographs, seen, network=network, rounds=4, shown=shown), network, layers
+
+
+@pytest.mark.parametrize("share", [0.4, 0.7, 1.0])
+def test_how_much_of_the_streaks_a_network_sees_is_told_by_the_scene(scene, share):
+    rain, network, layers = seen_by_a_network(scene, share)
+    assert network.asked
+    products, squares = rain.predicted_along
+    assert products / squares == pytest.approx(1 / share, rel=0.2)
+    median = rain.predicted[0] / rain.predicted[1]
+    expected = np.sqrt(rain.shot_alpha[0] * median * np.sqrt(products / squares))
+    assert rain.even_alpha == pytest.approx(expected)
+    assert rain.even_alpha == pytest.approx(np.median(layers), abs=0.07)
+
+
+def test_a_network_that_sees_no_rain_takes_away_half_of_it_at_most(scene):
+    rain, _, _ = seen_by_a_network(scene, 0.0)
+    assert rain.even_alpha == rain.shot_alpha[0] / 2 > 0
+
+
+def test_a_network_is_not_asked_where_it_does_not_rain(scene):
+    network = PretendedNetwork(scene)
+    watch(scene, learned(scene, 0), network=network)
+    assert not network.asked
+
+
+def test_a_dry_picture_tells_alpha(scene):
+    covers = rained_on(scene)[1][0]
+    dark = np.minimum(scene[0], 0.5).astype(np.float32)
+    rainy = composite(dark, covers, BETA).astype(np.float32)
+    found = alpha_between(rainy, dark, BETA)
+    assert np.abs(found - covers).max() < 0.08 * covers.max()
+    contrast = np.maximum(BETA - dark.astype(np.float64), 0)
+    expected = ((rainy - dark) * contrast).sum(axis=2) / ((contrast**2).sum(axis=2) + MIN_CONTRAST**2)
+    assert found == pytest.approx(expected, abs=1e-4)
+    white = np.ones_like(dark)
+    assert not alpha_between(dark, dark, BETA).any()
+    assert not alpha_between(white, white, BETA).any()
