@@ -176,9 +176,6 @@ def test_only_processes_of_blender_import_bpy():
 CROWDED = {  # folders that may have more than a dozen files, and why
     "hydroviews/scene": "the paths are part of the digest that marks built data sets",
     "hydroviews/blender/embedded_scenes": "the same",
-    "deraings/rain_model": "layers and gates, until they are one objective",
-    "deraings/enhancement": "inference and training, until they are two folders",
-    "tests/deraings/rain_model": "mirrors the package",
 }
 
 
