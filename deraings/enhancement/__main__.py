@@ -144,8 +144,9 @@ def average_command(
         pictures: how many held-out photographs, the folders' by turns, 0 for all.
 
     Raises:
-        InputError: no such weights, or networks of several configurations.
+        InputError: no such weights, networks of several configurations, or files of somebody else's in the way.
     """
+    require_ours([out, out.with_suffix(".json")])
     enhancers = [load_enhancer(name, "cpu") for name in weights]
     network = mean_network(enhancers)
     network.load_state_dict(rounded(network.state_dict()))

@@ -421,6 +421,6 @@ def test_unknown_names(built, tmp_path, changes, message):
 )
 def test_unknown_methods(method, message, tmp_path, monkeypatch):
     monkeypatch.setattr(evaluate_module, "probe", probe)
-    monkeypatch.setenv("PYTHONPATH", str(Path(finished_runs.__file__).parent))
+    monkeypatch.setenv("PYTHONPATH", str(Path(finished_runs.__file__).parents[1] / "processes"))
     with pytest.raises(InputError, match=message):
         evaluate(EvaluateRequest(method=method, data=tmp_path, results=tmp_path))

@@ -127,6 +127,15 @@ def test_files_of_the_users_where_networks_are_trained_stay(tmp_path, program, n
     assert mine.read_text() == "mine"
 
 
+@pytest.mark.parametrize("name", ["mean.safetensors", "mean.json"])
+def test_files_of_the_users_where_a_mean_of_weights_is_written_stay(tmp_path, weights, name):
+    mine = tmp_path / name
+    mine.write_text("mine")
+    with pytest.raises(InputError, match=f"{name}: not written by HydroViews, and in the way"):
+        commands.average_command((str(weights),), (tmp_path,), tmp_path / "mean.safetensors")
+    assert mine.read_text() == "mine"
+
+
 def test_a_plot_of_the_users_stays(tmp_path, weights):
     plot = tmp_path / "plot.svg"
     plot.write_text("mine")

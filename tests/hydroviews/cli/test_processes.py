@@ -77,7 +77,6 @@ def test_a_second_signal_while_it_ends_changes_nothing(tmp_path, number, status)
 PROGRAMS = [
     "hydroviews",
     "leaderboard",
-    "deraings",
     "deraings.enhancement",
     "baselines.derain_nerf.raindrop_attention",
     "benchmarks.busy_machine",

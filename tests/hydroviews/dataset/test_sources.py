@@ -56,7 +56,7 @@ def test_photographs_without_cameras_get_them_before_they_are_built(tmp_path, mo
 
     def poses(images: Path, out: Path) -> None:
         asked.append((images, out))
-        colmap_capture(out)
+        colmap_capture(out, count=len(NAMES))
 
     monkeypatch.setattr(commands, "poses_command", poses)
     write_photographs(tmp_path / "walk", NAMES)

@@ -21,6 +21,7 @@ from leaderboard.contract.toy_scene import N_VIEWS, draw_room
 from leaderboard.contract.trials import BASIC, CHECKS, Result, try_check, try_checks
 from leaderboard.runs.train_and_render import only_training
 
+TOYS = Path(contract_toys.__file__).parent
 REPOSITORY = Path(__file__).parents[3]
 INTERRUPTED = ("Ctrl-C and on", "SIGTERM and on")
 QUICK = tuple(name for name in CHECKS if name not in (*INTERRUPTED, "nothing left running"))
@@ -139,7 +140,7 @@ def test_on_a_gpu_the_same_bits_pass(case):
 @pytest.fixture
 def only(monkeypatch):
     """Lets `check` make some checks alone, in a process that can import the toys."""
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(Path(contract_toys.__file__).parent), str(REPOSITORY)]))
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(map(str, [TOYS, TOYS.parent / "processes", REPOSITORY])))
     return lambda *names: monkeypatch.setattr(check_module, "CHECKS", {name: CHECKS[name] for name in names})
 
 

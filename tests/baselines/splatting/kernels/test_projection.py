@@ -25,7 +25,7 @@ ROOT = Path(__file__).parents[4]
 def found(request, tmp_path_factory):
     """What the kernels return, with one kind of instructions."""
     out = tmp_path_factory.mktemp("projection") / "found.npz"
-    path = os.pathsep.join([str(ROOT), str(Path(projection_run.__file__).parent)])
+    path = os.pathsep.join([str(ROOT), str(ROOT / "tests/helpers/scenes")])
     environment = {**os.environ, VARIABLE: request.param, "PYTHONPATH": path}
     subprocess.run([sys.executable, projection_run.__file__, str(out)], env=environment, check=True)
     with np.load(out) as arrays:
