@@ -194,7 +194,7 @@ class FeatureMask(TrimmedPixels):
             return self.network.probability(view, residuals.shape, self.context(view))
 
     def context(self, view: int) -> Sequence[Plane]:
-        """What the network sees of a view beside its features; here nothing."""
+        """Planes that the network receives of a view beside its features; none here."""
         return ()
 
     def report(self) -> dict[str, Any]:

@@ -101,9 +101,15 @@ class Objective:
         """
         if self.pixel_weights is None:
             return None
+        return self.pixel_weights.weigh(self.comparison(render, view, size, iteration, buffers))
+
+    def comparison(
+        self, render: Callable[[], Image], view: int, size: Size, iteration: int, buffers: BufferPool
+    ) -> Comparison:
+        """A training view and its render, as pixel weights are asked for them; arguments as of `weights`."""
         target = self.target(view, size)
         losses = partial(_losses, render, target, self.lambda_dssim, buffers)
-        return self.pixel_weights.weigh(Comparison(view, iteration, target, render, losses))
+        return Comparison(view, iteration, target, render, losses)
 
     def on_gpu(self, render: "Tensor", view: int, iteration: int, buffers: BufferPool) -> OnGPU | None:
         """What a GPU compares of its render [H, W, 3] of a training view; None where that is left to `compare`."""

@@ -100,10 +100,7 @@ def export_command(request: tyro.conf.OmitArgPrefixes[TrainingRequest]) -> None:
 def write_weights(request: TrainingRequest, training: EnhancementTraining, data: str) -> None:
     """Validate on held-out photographs, and write weights and data card, which says in words what was learned from."""
     held_out = request.data.held_out()[: request.validated or None]
-    training.averaged.load_state_dict(rounded(training.averaged.state_dict()))
-    counts = WATCHED_COMPANIONS if request.training.network.lens else WATCHED_COMPANIONS[:1]
-    pictures = validation_set(held_out, VALIDATION_SEED, request.data.cache / "validation", counts[-1])
-    rows = scores_by_companions(training.averaged, pictures, counts)
+    rows, validated = rounded_and_validated(training.averaged, held_out, request.data.cache)
     settings = asdict(request.training)
     card: dict[str, Any] = {
         "data": data,
@@ -112,12 +109,23 @@ def write_weights(request: TrainingRequest, training: EnhancementTraining, data:
         "of": request.training.steps,
         "seconds": round(training.seconds),
         "training": {name: value for name, value in settings.items() if name not in ("network", "seed", "steps")},
-        "held out": [file.name for file in held_out],
-        "validation": {f"{count} companions": _scores_alone(row) for count, row in rows.items()},
+        **validated,
     }
     save_with_card(request.out / WEIGHTS, training.averaged, card)
     for count, row in rows.items():
         print(f"\n{count} companions\n\n{table(row)}")
+
+
+def rounded_and_validated(
+    network: EnhancementNetwork, held_out: Sequence[Path], cache: Path
+) -> tuple[dict[int, list[Score]], dict[str, Any]]:
+    """Round weights as files have them; scores on held-out photographs by numbers of companions, and for the card."""
+    network.load_state_dict(rounded(network.state_dict()))
+    counts = WATCHED_COMPANIONS if network.config.lens else WATCHED_COMPANIONS[:1]
+    pictures = validation_set(held_out, VALIDATION_SEED, cache / "validation", counts[-1])
+    rows = scores_by_companions(network, pictures, counts)
+    validation = {f"{count} companions": _scores_alone(row) for count, row in rows.items()}
+    return rows, {"held out": [file.name for file in held_out], "validation": validation}
 
 
 def save_with_card(path: Path, network: EnhancementNetwork, card: dict[str, Any]) -> None:
@@ -149,16 +157,12 @@ def average_command(
     require_ours([out, out.with_suffix(".json")])
     enhancers = [load_enhancer(name, "cpu") for name in weights]
     network = mean_network(enhancers)
-    network.load_state_dict(rounded(network.state_dict()))
-    held_out = Data(photographs).held_out()[: pictures or None]
-    drawn = validation_set(held_out, VALIDATION_SEED, cache / "validation", MOST_COMPANIONS)
-    rows = scores_by_companions(network, drawn, WATCHED_COMPANIONS if network.config.lens else WATCHED_COMPANIONS[:1])
+    _, validated = rounded_and_validated(network, Data(photographs).held_out()[: pictures or None], cache)
     parts = [f"{enhancer.card['steps']} steps on {enhancer.card['data']}" for enhancer in enhancers]
     card = {
         "data": f"mean of {len(parts)} weights: {'; and '.join(parts)}",
         "steps": sum(enhancer.card["steps"] for enhancer in enhancers),
-        "held out": [file.name for file in held_out],
-        "validation": {f"{count} companions": _scores_alone(row) for count, row in rows.items()},
+        **validated,
     }
     save_with_card(out, network, card)
 

@@ -178,7 +178,9 @@ class RainModel:
         if self.mist and by_mist is not None:
             self.mist.update(by_mist, seen.iteration)
 
-    def weights(self, render: Callable[[], Image], target: Target, view: int, iteration: int) -> Plane | None:
+    def weights(
+        self, render: Callable[[], Image], target: Target, view: int, iteration: int, drops: DropLayer | None = None
+    ) -> Plane | None:
         """Factors [H, W] on pixels' shares of the loss, less where drops hide the scene; None: all 1.
 
         Args:
@@ -186,13 +188,14 @@ class RainModel:
             target: the photograph.
             view: index of the view.
             iteration: of the training.
+            drops: the layer that the view is seen through at the photograph's size; by default it is looked up.
         """
         size = target.pixels.shape[0], target.pixels.shape[1]
         shown = None
         if self.occlusion:
             shown = self.occlusion.shown(self._hidden_prior(view, size), target, render)
         if self.drops and self.counts(DROPS, iteration):
-            return product(shown, self.drops.layer(view, size).shown())
+            return product(shown, (drops or self.drops.layer(view, size)).shown())
         return shown
 
     def rain_alpha(self, view: int, size: Size) -> Plane:

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
+from baselines.masking.pixel_weights import Comparison
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from baselines.splatting.kernels.loss_map import loss_map
 from baselines.splatting.kernels.photometric import Target, photometric_loss, prepare_target
 from baselines.splatting.objective import Objective, OnGPU
 from baselines.training.checkpoints import below, prefixed
@@ -23,6 +23,7 @@ from deraings.enhancement.views import EnhancedViews
 from deraings.image_planes import Plane, product, resized
 from deraings.masks.occlusion_masks import OcclusionMasks
 from deraings.rain_model.config import RainConfig
+from deraings.rain_model.drops import DropLayer
 from deraings.rain_model.model import DROPS, MIST, RainModel
 from deraings.rain_model.on_gpu import RainOnGPU
 from deraings.rain_model.rainfall import Observation
@@ -70,9 +71,7 @@ class RainObjective(Objective):
         self, render: Callable[[], Image], view: int, size: Size, iteration: int, buffers: BufferPool
     ) -> Plane | None:
         """See Objective: 1 - r, less where masks hide something, which learn, if due."""
-        target = self.target(view, size)
-        shown = self.model.weights(render, target, view, iteration)
-        return product(shown, self._mask_weights(render, target, view, size, iteration, buffers))
+        return self._weights(self.comparison(render, view, size, iteration, buffers))
 
     def __call__(self, image: Image, view: int, iteration: int, buffers: BufferPool) -> tuple[float, Image]:
         """See Objective; learns of the rain as well. Pixels that are not finite count for nothing."""
@@ -84,7 +83,8 @@ class RainObjective(Objective):
             return self.trial.look(image, target, view, iteration, buffers), np.zeros_like(image)
         seen = self.model.forward(image, view, iteration, buffers)
         shown = product(target.shown, finite)
-        weights = product(self.weights(lambda: seen.image, view, size, iteration, buffers), shown)
+        compared = self.comparison(lambda: seen.image, view, size, iteration, buffers)
+        weights = product(self._weights(compared, seen.drops), shown)
         observed = Observation(target.image, target.shown, shown, weights)
         if self.enhanced and self.enhanced.due(view, iteration):
             enhanced, certain = self.enhanced.target(view, size)
@@ -164,15 +164,10 @@ class RainObjective(Objective):
         if self.masks:
             self.masks.load_state_dict(below("masks", arrays))
 
-    def _mask_weights(
-        self, render: Callable[[], Image], target: Target, view: int, size: Size, iteration: int, buffers: BufferPool
-    ) -> Plane | None:
-        """1 - M [H, W] of a view, which the masks learn from first if they are due; None where nothing is masked."""
-        if self.masks is None:
-            return None
-        if self.masks.due(iteration):
-            self.masks.learn(view, loss_map(render(), target, self.lambda_dssim, buffers=buffers), iteration)
-        return self.masks.weights(view, size, iteration)
+    def _weights(self, compared: Comparison, drops: DropLayer | None = None) -> Plane | None:
+        """See `weights`; `drops` is the layer that the view is seen through, if it is known at its size."""
+        shown = self.model.weights(compared.render, compared.target, compared.view, compared.iteration, drops)
+        return product(shown, self.masks.weigh(compared) if self.masks else None)
 
 
 class EnhancedTargets:

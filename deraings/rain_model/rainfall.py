@@ -190,7 +190,7 @@ class Rainfall:
     def _predicted_deviation(self, observed: Observation, even: Image, view: int) -> Plane | None:
         """D of a view [H, W] as the network predicts it, 0 where the photograph is hidden; the rest's median is 0.
 
-        What the network says of S goes to the statistics. None where all of the photograph is hidden, or without one.
+        The network's own S is added to the statistics. None where all of the photograph is hidden, or without one.
         """
         shown = observed.photographed
         if self._network is None or (shown is not None and not shown.any()):

@@ -1,4 +1,4 @@
-"""What a network would predict of photographs, as a test says it: in place of `EnhancedViews`."""
+"""An enhancement network of which a test sets the predictions, in place of `EnhancedViews`."""
 
 from collections.abc import Callable, Sequence
 
