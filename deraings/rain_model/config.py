@@ -59,15 +59,11 @@ class OcclusionConfig:
         cost: of learning a drop, in units of the cost of leaving a pixel out, positive.
         trust: most, at least 1, by which a residual multiplies or divides the odds: what is not learned yet has large
             residuals, and would never be learned if they counted in full.
-        most: probability, below 1, up to which pixels are hidden: what is hidden in all views is learned all the same.
-        around: longer sides of the view across the square in which residuals are averaged.
     """
 
     pseudo_views: float = 24.0
     cost: float = 4.0
     trust: float = 2.0
-    most: float = 0.95
-    around: float = 1 / 64
 
 
 @dataclass(frozen=True)
@@ -82,8 +78,6 @@ class RainfallConfig:
         memory: updates that running sums remember.
         dry: excess skew of one direction up to which it does not rain.
         rainy: excess skew, above `dry`, from which it surely does.
-        wedge: degrees, (0, 90), to either side of the direction across the rain; 35 explains as much as 45.
-        smooth: frequencies, odd, each way, over which the power is averaged.
         visits: of each view, at least 1, over which its streaks are averaged.
     """
 
@@ -93,8 +87,6 @@ class RainfallConfig:
     memory: int = 60
     dry: float = 0.06
     rainy: float = 0.12
-    wedge: float = 35.0
-    smooth: int = 9
     visits: int = 3
 
 

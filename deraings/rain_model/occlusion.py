@@ -27,6 +27,8 @@ from deraings.image_planes import Plane, resized
 from deraings.rain_model.config import OcclusionConfig
 from hydroviews.scene.images import Image
 
+AROUND = 1 / 64  # longer sides of the view, across the square in which residuals are averaged
+MOST = 0.95  # probability up to which pixels are hidden: what is hidden in all views is learned all the same
 LEAST_SCALE = 1 / 255  # of residuals: what an 8-bit photograph cannot show says nothing
 LEAST_SHARE = 1e-3  # of shown pixels around one: what none is known of has no residual
 LEAST_WET = 0.01  # mean cover; lenses of development scenes have 0.0001 at most, or 0.07 and more
@@ -88,18 +90,18 @@ class Occlusion:
             render: gives the view [H, W, 3] as it is seen through the rest of the rain, finite.
         """
         config = self._config
-        likely = residual_likelihood(target, render(), config.around, config.trust)
-        pi = np.minimum(prior, np.float32(config.most))
+        likely = residual_likelihood(target, render(), config.trust)
+        pi = np.minimum(prior, np.float32(MOST))
         odds = np.float32(config.cost) * pi * likely
         return np.asarray((1 - pi) / (odds + 1 - pi), np.float32)
 
 
-def residual_likelihood(target: Target, seen: Image, around: float, trust: float) -> Plane:
-    """l [H, W], from residuals averaged over squares of a side of `around` longer sides; within [1/2, trust].
+def residual_likelihood(target: Target, seen: Image, trust: float) -> Plane:
+    """l [H, W], from residuals averaged over squares of a side of AROUND; within [1/2, trust].
 
     Hidden pixels are black in the photograph and say nothing.
     """
-    side = max(3, round(around * max(seen.shape)) | 1)
+    side = max(3, round(AROUND * max(seen.shape)) | 1)
     residual, shown = cv2.transform(cv2.absdiff(target.image, seen), CHANNEL_MEAN), target.shown
     if shown is None:
         residual = cv2.blur(residual, (side, side))

@@ -79,7 +79,7 @@ class Rainfall:
         self._every = max(1, (iterations - first) // config.updates)
         self._renewals = {round(share * iterations) for share in RENEWALS}
         self._settled = iterations / 2  # later, renders have learned some of the streaks: cumulants are too small
-        self.streaks = SingleStreaks(sizes, config.wedge, config.smooth, config.visits)
+        self.streaks = SingleStreaks(sizes, config.visits)
         self.powers = np.zeros((len(ANGLES), 3))  # sums of weights, squares and cubes of differences along lines
         self.shot_alpha = np.zeros(1)  # S as the streaks' cumulants have it
         self.predicted = np.zeros(2)  # sum and number of the network's median alphas

@@ -28,6 +28,8 @@ from deraings.rain_model.kernels import toward_rain
 from hydroviews.scene.images import Image
 
 ZERO, STEP = 128, 1 / 200  # the 8 bits of D: what stands for 0, and for a difference of one
+WEDGE = 35.0  # degrees to either side of the direction across the rain; 35 explains as much as 45
+SMOOTH = 9  # frequencies, odd, each way, over which the power is averaged
 RINGS = 64  # of frequencies, to one cycle a pixel
 LONG_SIDE = 480  # pixels; streaks are looked for in no larger pictures
 MIN_CONTRAST = 0.1  # encoded; in front of what is nearer to beta than that, streaks are hardly seen
@@ -37,9 +39,9 @@ VIEW = "view"  # begins the names of what is known of a view
 class SingleStreaks:
     """Mean power of the differences by frequency, and each view's D."""
 
-    def __init__(self, sizes: Sequence[tuple[int, int]], wedge: float, smooth: int, visits: int) -> None:
-        """Nothing known yet of the views, whose sizes are (height, width); settings as in `RainfallConfig`."""
-        self._wedge, self._smooth, self._visits = wedge, smooth, visits
+    def __init__(self, sizes: Sequence[tuple[int, int]], visits: int) -> None:
+        """Nothing known yet of the views, whose sizes are (height, width); `visits` as in `RainfallConfig`."""
+        self._visits = visits
         factor = max(1.0, max(max(size) for size in sizes) / LONG_SIDE)  # one for all: they share a spectrum
         small = [shrunk(size, factor) for size in sizes]
         self._small = small
@@ -84,7 +86,7 @@ class SingleStreaks:
         self.spectra += 1
         self.power += spectrum.real**2 + spectrum.imag**2
         if self.spectra == len(self.visits):
-            self.gain = wiener_gain(self.power, self._canvas[1], angle, self._wedge, self._smooth)
+            self.gain = wiener_gain(self.power, self._canvas[1], angle)
 
     def _add_deviation(self, view: int, found: Plane) -> None:
         """D as found in one more visit of a view, to the mean of all."""
@@ -139,7 +141,7 @@ def alpha_along(along: Plane, length: Plane) -> Plane:
     return along * length / (np.square(length) + np.float32(MIN_CONTRAST**2))
 
 
-def wiener_gain(power: NDArray, width: int, angle: float, wedge: float, side: int) -> Plane:
+def wiener_gain(power: NDArray, width: int, angle: float, side: int = SMOOTH) -> Plane:
     """Gain [H, W // 2 + 1] of each frequency: the share of its power that rain has.
 
     The power of the scene is taken to be the median of all frequencies as high outside of the wedge across the rain.
@@ -148,12 +150,11 @@ def wiener_gain(power: NDArray, width: int, angle: float, wedge: float, side: in
         power: by frequency [H, W // 2 + 1], as of `scipy.fft.rfft2`.
         width: of the pictures, W.
         angle: of the rain, degrees counter-clockwise from +x.
-        wedge: degrees to either side of the direction across the rain.
         side: frequencies each way over which the power is averaged.
     """
     down, right = fft.fftfreq(power.shape[0])[:, None], fft.rfftfreq(width)[None]
     around = np.abs((np.degrees(np.arctan2(-down, right)) - angle) % 180 - 90)  # degrees from across the rain
-    inside = around <= wedge
+    inside = around <= WEDGE
     smooth = _averaged(power, width, side)
     rings = (np.hypot(down, right) * RINGS).astype(int)
     known = [ring for ring in range(rings.max() + 1) if ((rings == ring) & ~inside).any()]

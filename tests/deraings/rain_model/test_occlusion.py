@@ -8,7 +8,7 @@ from pretended_network import PretendedNetwork
 from baselines.splatting.kernels.photometric import prepare_target
 from deraings.image_planes import resized
 from deraings.rain_model.config import OcclusionConfig
-from deraings.rain_model.occlusion import Occlusion, residual_likelihood
+from deraings.rain_model.occlusion import MOST, Occlusion, residual_likelihood
 from hydroviews.scene.images import to_uint8
 
 COUNT, SIZE, DROP = 24, (60, 80), 4
@@ -114,14 +114,14 @@ def test_the_likelihood_of_a_residual_is_that_of_laplace_distributions(view):
     around = sum(padded[r : r + height, c : c + width] for r in range(3) for c in range(3)) / 9
     b = np.median(around[::2, ::2]) / np.log(2)
     expected = np.minimum(np.exp(around / (2 * b)) / 2, CONFIG.trust)
-    assert residual_likelihood(target_of(view), seen, CONFIG.around, CONFIG.trust) == pytest.approx(expected, rel=1e-3)
+    assert residual_likelihood(target_of(view), seen, CONFIG.trust) == pytest.approx(expected, rel=1e-3)
 
 
 @pytest.mark.parametrize("trust", [1.0, 2.0, 5.0])
 def test_the_likelihood_stays_within_a_half_and_trust(view, trust):
     seen = noisy(view)
     seen[10:22, 10:22], seen[30:40, 30:40] = 1, to_uint8(view)[30:40, 30:40] / np.float32(255)
-    likely = residual_likelihood(target_of(view), seen, CONFIG.around, trust)
+    likely = residual_likelihood(target_of(view), seen, trust)
     assert likely.min() == pytest.approx(0.5, abs=1e-4)
     assert likely.max() == pytest.approx(trust, rel=1e-4)
     assert likely[14:18, 14:18].min() > 0.99 * trust
@@ -132,21 +132,21 @@ def test_what_a_mask_hides_says_nothing(view):
     ignored = np.zeros(view.shape[:2], bool)
     ignored[:, :30] = True
     seen = noisy(view)
-    likely = residual_likelihood(target_of(view, ignored), seen, CONFIG.around, CONFIG.trust)
+    likely = residual_likelihood(target_of(view, ignored), seen, CONFIG.trust)
     other = np.where(ignored[..., None], np.float32(1), seen)
-    changed = residual_likelihood(target_of(view, ignored), other, CONFIG.around, CONFIG.trust)
+    changed = residual_likelihood(target_of(view, ignored), other, CONFIG.trust)
     assert changed[~ignored] == pytest.approx(likely[~ignored], rel=1e-4)
-    whole = residual_likelihood(target_of(view), seen, CONFIG.around, CONFIG.trust)
+    whole = residual_likelihood(target_of(view), seen, CONFIG.trust)
     assert np.abs(likely - whole)[:, 32:].max() < 0.3
-    nothing = residual_likelihood(target_of(view, np.ones_like(ignored)), seen, CONFIG.around, CONFIG.trust)
+    nothing = residual_likelihood(target_of(view, np.ones_like(ignored)), seen, CONFIG.trust)
     assert np.isfinite(nothing).all()
 
 
 def test_what_is_shown_is_the_posterior_of_prior_and_residual(view):
     seen, prior = noisy(view), np.random.default_rng(0).random(view.shape[:2]).astype(np.float32)
     occlusion, target = occlusion_of(staying()), target_of(view)
-    likely = residual_likelihood(target, seen, CONFIG.around, CONFIG.trust).astype(np.float64)
-    pi = np.minimum(prior, CONFIG.most).astype(np.float64)
+    likely = residual_likelihood(target, seen, CONFIG.trust).astype(np.float64)
+    pi = np.minimum(prior, MOST).astype(np.float64)
     r = CONFIG.cost * pi * likely / (CONFIG.cost * pi * likely + 1 - pi)
     assert occlusion.shown(prior, target, lambda: seen) == pytest.approx(1 - r, abs=1e-4)
 

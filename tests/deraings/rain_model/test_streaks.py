@@ -16,7 +16,7 @@ from hydroviews.rain.streaks.recipe import StreakPattern, composite, streak_laye
 from hydroviews.scene.images import to_uint8
 
 COUNT, SIZE, BETA = 10, (121, 160), 0.88
-WEDGE, SMOOTH, VISITS = 35.0, 9, 3
+VISITS = 3
 PATTERN = StreakPattern(n=200, length=40, angle=75, width=7)
 
 
@@ -44,7 +44,7 @@ def learned(scene, seed=3):
 
 
 def streaks_of(sizes=(SIZE,) * COUNT, visits=VISITS):
-    return SingleStreaks(sizes, WEDGE, SMOOTH, visits)
+    return SingleStreaks(sizes, visits)
 
 
 def watch(photographs, known, even, angle=75.0, rounds=3, visits=VISITS, priors=(None,) * COUNT):
@@ -134,10 +134,10 @@ def test_power_along_one_direction_is_passed_across_it(width):
     """Waves that run across rain of 45 degrees: up and to the left."""
     down, right = fft.fftfreq(64)[:, None], fft.rfftfreq(width)[None]
     power = np.ones((64, width // 2 + 1)) + 9 * ((down * right > 0.01) & (np.abs(np.abs(down) - right) < 0.05))
-    gain = wiener_gain(power, width, 45, WEDGE, 1)
+    gain = wiener_gain(power, width, 45, 1)
     assert gain[power > 5].mean() == pytest.approx(0.9, abs=0.01)
     assert gain[power < 5].max() == 0
-    assert wiener_gain(power, width, 135, WEDGE, 1).max() < 0.01
+    assert wiener_gain(power, width, 135, 1).max() < 0.01
 
 
 EAGER = RainConfig(
