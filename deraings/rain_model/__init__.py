@@ -11,9 +11,9 @@ S is the median rain_alpha, D what single streaks of a view add to it; V is mist
 and a its light; M is drop_alpha of every pixel of the lens, C the mean light around it and L the drop's own light.
 The scene and the layers minimise one objective, over views v and pixels x, with the photographs I:
 
-    sum (1 - r) rho(I - O)                          the photograph, through the rain
-    + lambda(t) c sum (1 - r) rho(E - B_left) / s   the enhanced photograph E, weighed by its expected error s
-    + prior(V) + priors of a                        what photographs cannot tell
+    sum (1 - r) (1 - M) rho(I - O)                          the photograph, through the rain
+    + lambda(t) c sum (1 - r) (1 - M) rho(E - B_left) / s   the enhanced photograph E, by its expected error s
+    + prior(V) + priors of a                                what photographs cannot tell
 
     r = P(a drop hides the pixel | network, lens, residual)
 

@@ -46,7 +46,6 @@ logger = logging.getLogger(__name__)
 
 MIN_WINDOW, MAX_WINDOW = 4, 32  # views that running means remember
 CLEAR, WET = 0.1, 0.25  # drop_alpha up to which the lens counts as clear, and from which for what it is
-SHOWN, HIDDEN = 0.3, 0.75  # drop_alpha up to which a pixel counts in full, and from which it does not
 
 
 class DropLayer(NamedTuple):
@@ -60,10 +59,6 @@ class DropLayer(NamedTuple):
         seen = buffers.array("behind_drops", image.shape)
         behind_drops(image, self.alpha, surroundings(image), self.light, seen)
         return seen
-
-    def shown(self) -> Plane:
-        """Factors [H, W] on each pixel's share of the loss: 1 where little is covered, 0 where little is left."""
-        return 1 - smooth_rise(self.alpha, SHOWN, HIDDEN)
 
     def backward(self, gradient: Image, buffers: BufferPool) -> Image:
         """The gradient by the view [H, W, 3], a buffer, from that by what `forward` returned.

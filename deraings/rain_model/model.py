@@ -181,7 +181,7 @@ class RainModel:
     def weights(
         self, render: Callable[[], Image], target: Target, view: int, iteration: int, drops: DropLayer | None = None
     ) -> Plane | None:
-        """Factors [H, W] on pixels' shares of the loss, less where drops hide the scene; None: all 1.
+        """Factors [H, W] on pixels' shares of the loss, less where drops hide or cover the scene; None: all 1.
 
         Args:
             render: gives the view [H, W, 3] as it is seen through all of the rain, finite.
@@ -195,7 +195,7 @@ class RainModel:
         if self.occlusion:
             shown = self.occlusion.shown(self._hidden_prior(view, size), target, render)
         if self.drops and self.counts(DROPS, iteration):
-            return product(shown, (drops or self.drops.layer(view, size)).shown())
+            return product(shown, 1 - (drops or self.drops.layer(view, size)).alpha)
         return shown
 
     def rain_alpha(self, view: int, size: Size) -> Plane:

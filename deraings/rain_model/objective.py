@@ -1,7 +1,7 @@
 """The objective of `deraings` and `deraings-plus`: see the package's docstring.
 
-loss = sum (1 - r) rho(photograph - model.forward(scene_image).image)       in most steps
-     = sum (1 - r) rho(enhanced photograph - scene_image) / s               in others, at first in more of them
+loss = sum (1 - r) (1 - M) rho(photograph - model.forward(scene_image).image)   in most steps
+     = sum (1 - r) (1 - M) rho(enhanced photograph - scene_image) / s           in others, at first in more of them
 """
 
 from collections.abc import Callable
@@ -70,7 +70,7 @@ class RainObjective(Objective):
     def weights(
         self, render: Callable[[], Image], view: int, size: Size, iteration: int, buffers: BufferPool
     ) -> Plane | None:
-        """See Objective: 1 - r, less where masks hide something, which learn, if due."""
+        """See Objective: (1 - r) (1 - M), less where masks hide something, which learn, if due."""
         return self._weights(self.comparison(render, view, size, iteration, buffers))
 
     def __call__(self, image: Image, view: int, iteration: int, buffers: BufferPool) -> tuple[float, Image]:
