@@ -12,7 +12,7 @@ and a its light; M is drop_alpha of every pixel of the lens, C the mean light ar
 The scene and the layers minimise one objective, over views v and pixels x, with the photographs I:
 
     sum (1 - r) (1 - M) rho(I - O)                          the photograph, through the rain
-    + lambda(t) c sum (1 - r) (1 - M) rho(E - B_left) / s   the enhanced photograph E, by its expected error s
+    + lambda(t) c sum (1 - r) (1 - M) rho(E - B_left)       the enhanced photograph E
     + prior(V) + priors of a                                what photographs cannot tell
 
     r = P(a drop hides the pixel | network, lens, residual)
@@ -20,7 +20,7 @@ The scene and the layers minimise one objective, over views v and pixels x, with
 rho is the photometric loss (L1 and SSIM). B_left is B through the mist that E still has: what V exceeds the mist that
 the network takes away, its error included. lambda falls from 1 to 0; c is the share of what the network changes in a
 photograph that is not its own error. One term is drawn in each step. M, L, S and D follow in closed form from running
-means over photographs and renders. A network predicts E, s, the covers in r and a part of prior(V); without a network
+means over photographs and renders. A network predicts E, its error, the covers in r and a part of prior(V); without one
 the other sources are left.
 
 Drops count on once they predict photographs better than their absence does, on views that are kept from the scene at

@@ -1,7 +1,7 @@
 """The objective of `deraings` and `deraings-plus`: see the package's docstring.
 
 loss = sum (1 - r) (1 - M) rho(photograph - model.forward(scene_image).image)   in most steps
-     = sum (1 - r) (1 - M) rho(enhanced photograph - scene_image) / s           in others, at first in more of them
+     = sum (1 - r) (1 - M) rho(enhanced photograph - scene_image)               in others, at first in more of them
 """
 
 from collections.abc import Callable
@@ -20,7 +20,7 @@ from baselines.training.checkpoints import below, prefixed
 from baselines.training.images import Size, TrainingImages
 from baselines.training.torch_state import fetched, sent
 from deraings.enhancement.views import EnhancedViews
-from deraings.image_planes import Plane, product, resized
+from deraings.image_planes import Plane, product
 from deraings.masks.occlusion_masks import OcclusionMasks
 from deraings.rain_model.config import RainConfig
 from deraings.rain_model.drops import DropLayer
@@ -87,10 +87,9 @@ class RainObjective(Objective):
         weights = product(self._weights(compared, seen.drops), shown)
         observed = Observation(target.image, target.shown, shown, weights)
         if self.enhanced and self.enhanced.due(view, iteration):
-            enhanced, certain = self.enhanced.target(view, size)
             self.model.update(seen, observed, None, buffers)
             left = self.model.forward_enhanced(image, view, iteration, buffers)
-            weights = product(weights, certain)
+            enhanced = self.enhanced.target(view, size)
             loss, gradient = photometric_loss(left.image, enhanced, self.lambda_dssim, weights, buffers)
             return loss, self.model.backward(left, gradient, observed, buffers)[0]
         loss, gradient = photometric_loss(seen.image, target, self.lambda_dssim, weights, buffers)
@@ -110,10 +109,9 @@ class RainObjective(Objective):
         left = self.weights(cache(lambda: fetched(seen.image)), view, size, iteration, buffers)
         weights = None if left is None else sent(left)
         if self.enhanced and self.enhanced.due(view, iteration):
-            enhanced, certain = self.enhanced.target(view, size)
             learn = partial(self._on_gpu.update, seen._replace(mist=None), target, weights, buffers)
             image = self._on_gpu.forward_enhanced(render, view, iteration)
-            return OnGPU(image, product(weights, None if certain is None else sent(certain)), enhanced, learn=learn)
+            return OnGPU(image, weights, self.enhanced.target(view, size), learn=learn)
         return OnGPU(seen.image, weights, learn=partial(self._on_gpu.update, seen, target, weights, buffers))
 
     def residual(self, image: Image, view: int, buffers: BufferPool) -> float:
@@ -176,8 +174,8 @@ class EnhancedTargets:
     Mist that is taken for a little too thick leaves a scene that is a little too dark, and the photographs fit all the
     same; streaks are learned until they are known. An enhanced photograph has other errors. A step compares with the
     enhanced photograph with the probability lambda(t) c: lambda falls from 1 to 0, and c is the share of what the
-    network changes in this photograph that is not its own error, as the network expects it. Pixels weigh the less the
-    larger their expected error is.
+    network changes in this photograph that is not its own error, as the network expects it. Within a photograph the
+    expected error weighs nothing: it made no difference.
     """
 
     def __init__(self, network: EnhancedViews, n_views: int, iterations: int, until: float) -> None:
@@ -192,7 +190,7 @@ class EnhancedTargets:
         Raises:
             InputError: a kept picture is damaged.
         """
-        self._network, self._last = network, until * iterations
+        self._last = until * iterations
         self._images = network.training_images() if until else None
         self._shares = [network.change_over_error(view) for view in range(n_views)] if until else [0.0]
         self.share = float(np.mean(self._shares))
@@ -203,15 +201,10 @@ class EnhancedTargets:
             return False
         return iteration * GOLDEN % 1 < (1 - iteration / self._last) * self._shares[view]
 
-    def target(self, view: int, size: Size) -> tuple[Target, Plane | None]:
-        """An enhanced photograph at (height, width), and factors [H, W] on its pixels' shares of the loss."""
+    def target(self, view: int, size: Size) -> Target:
+        """An enhanced photograph at (height, width)."""
         assert self._images is not None  # no step is due otherwise
-        target = prepare_target(self._images.pixels(view, size), self._images.ignored(view, size))
-        error = self._network.small_error(view)
-        if error is None:
-            return target, None
-        typical = float(np.median(error))
-        return target, resized(np.float32(typical) / np.maximum(error, np.float32(typical)), size)
+        return prepare_target(self._images.pixels(view, size), self._images.ignored(view, size))
 
 
 class Trial:
