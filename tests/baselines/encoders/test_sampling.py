@@ -13,14 +13,6 @@ def points(n, maps, reach=1.3, dtype=torch.float64):
     return reach * (2 * torch.rand(n, maps, 2, generator=torch.Generator().manual_seed(0), dtype=dtype) - 1)
 
 
-def test_a_plane_is_read_as_the_plane_it_is():
-    height, width = 7, 12
-    y, x = torch.meshgrid(torch.arange(height) + 0.5, torch.arange(width) + 0.5, indexing="ij")
-    plane = 3 * (2 * x / width - 1) - 2 * (2 * y / height - 1) + 0.5
-    at = points(50, 1, 0.8, torch.float32)
-    assert torch.allclose(sample(plane[None, None], at)[:, 0], 3 * at[:, 0, 0] - 2 * at[:, 0, 1] + 0.5, atol=1e-5)
-
-
 def test_pixel_centres_and_what_lies_beyond_the_border():
     ramp = torch.tensor([[[[1.0, 5.0], [2.0, 9.0]]]])
     at = torch.tensor([[-0.5, -0.5], [0.5, -0.5], [0.0, 0.0], [-1.0, -1.0], [4.0, -7.0], [0.5, 30.0]])[:, None]

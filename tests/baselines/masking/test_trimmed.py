@@ -86,16 +86,6 @@ def test_what_is_hidden_moves_neither_percentiles_nor_the_share_of_pixels_that_c
     assert rule.report() == {"pixels": "100%"}
 
 
-def test_hidden_neighbours_make_no_pixel_an_outlier():
-    hidden = np.zeros((3, 3), bool)
-    hidden[2], hidden[1, 0] = True, True
-    images = TrainingImages([np.zeros((3, 3, 3), np.uint8)], [hidden])
-    weights = TrimmedPixels(images, TrimConfig(), SPLATTING, 0)
-    weights.histogram.observe(np.zeros((3, 3), np.float32))
-    residuals = np.array([[0, 0, 0], [1, 1, 1], [1, 1, 1]], np.float32)
-    assert weights.predicted(residuals, 0, hidden)[1, 1] == 1  # three of the five that are shown are inliers
-
-
 def test_a_mask_that_eats_everything_is_given_up_with_a_warning(caplog):
     images = TrainingImages([np.full((24, 32, 3), 200, np.uint8)])
     config = RobustFilterConfig(SPLATTING, TrimConfig(fade_in=1e-6))
@@ -112,15 +102,3 @@ def test_a_mask_that_eats_everything_is_given_up_with_a_warning(caplog):
     again.load_state_dict(rule.state_dict())
     assert again.report() == rule.report()
     assert caplog.text.count("masks leave") == 1
-
-
-def test_a_step_with_all_pixels_masked_or_hidden_is_finite():
-    pixels = np.full((24, 32, 3), 200, np.uint8)
-    config = RobustFilterConfig(SPLATTING, TrimConfig(fade_in=1e-6))
-    loss, gradient = objective(Greedy, TrainingImages([pixels]), config)(random(0, 24, 32, 3), 0, 9, BufferPool())
-    assert loss == 0
-    assert not gradient.any()
-    hidden = TrainingImages([pixels], [np.ones((24, 32), bool)])
-    loss, gradient = objective(TrimmedPixels, hidden, config)(random(0, 24, 32, 3), 0, 9, BufferPool())
-    assert loss == 0
-    assert not gradient.any()

@@ -105,27 +105,6 @@ def test_masks_are_never_all_or_nothing_where_the_scene_alone_is_seen(error):
     assert masks.min() > 0.2
 
 
-@pytest.mark.parametrize("value", [0, 255])
-def test_identical_and_constant_pictures_leave_everything_finite(value):
-    pixels = np.full((3, 9, 13, 3), value, np.uint8)
-    rule = objective(pixels)
-    masks = taught(rule, [np.full((9, 13, 3), value / 255, np.float32)] * 3, 12)
-    assert np.isfinite(masks).all()
-    assert all(torch.isfinite(parameter).all() for parameter in rule.appearance.parameters())
-
-
-def test_what_is_hidden_is_not_looked_at():
-    pixels, ignored = pictures(2), np.zeros((HEIGHT, WIDTH), bool)
-    ignored[10:30, 20:50] = True
-    spoilt = pixels.copy()
-    spoilt[:, ignored] = 255
-    found = [
-        taught(objective(p, ignored=[ignored] * 2), [np.full((HEIGHT, WIDTH, 3), 0.3, np.float32)] * 2, 6)
-        for p in (pixels, spoilt)
-    ]
-    assert np.array_equal(*found)
-
-
 def test_lpips_is_added_unmasked(monkeypatch):
     """With a stand-in for the network, whose gradient is known."""
     monkeypatch.setattr(

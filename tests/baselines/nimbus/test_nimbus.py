@@ -181,10 +181,3 @@ def test_pixels_of_the_residual_pull_at_nothing():
     assert chosen[10:14, 10:14].all()
     assert not gradient[chosen].any()
     assert gradient[~chosen].any()
-
-
-def test_what_is_hidden_is_the_union_of_medium_and_residual():
-    objective = NimbusObjective(TrainingImages([np.zeros((4, 6, 3), np.uint8)]), [None], BRIEF, None, 0.01)
-    objective.transmission = lambda view, size: np.full(size, 0.5, np.float32)
-    objective.residuals.chosen[0] = np.eye(4, 6, dtype=bool)
-    assert np.array_equal(objective.hidden(0, (4, 6)), np.where(np.eye(4, 6) == 1, 1, 0.5))

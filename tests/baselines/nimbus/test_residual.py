@@ -55,13 +55,6 @@ def test_a_residual_that_eats_everything_is_said_once(caplog):
     assert len(caplog.records) == 1
 
 
-def test_a_few_pixels_are_not_worth_a_warning(caplog):
-    residuals = Residuals(CONFIG, 1, 100)
-    with caplog.at_level(logging.WARNING):
-        residuals.of(photograph([(0, 0), (1, 1)]), GREY, 0, 20, None)
-    assert not caplog.records
-
-
 def test_residuals_come_back_from_their_arrays():
     residuals, again = Residuals(CONFIG, 2, 100), Residuals(CONFIG, 2, 100)
     chosen = residuals.of(photograph([(0, 0)]), GREY, 1, 20, None)

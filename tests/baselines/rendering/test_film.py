@@ -138,11 +138,6 @@ def test_impossible_films_are_refused(changes):
         FilmChoice(**{"seconds": 1.0, "fps": 10, "size": 64, **changes})
 
 
-def test_other_suffixes_are_refused(run, tmp_path):
-    with pytest.raises(InputError, match=r"film\.avi"):
-        film(run.folder, run.data.parent, tmp_path / "film.avi", CHOICE)
-
-
 def test_a_render_that_breaks_the_contract_is_refused(run, tmp_path, monkeypatch):
     monkeypatch.setattr(Cloud, "render", lambda self, camera, render=Cloud.render: 255 * render(self, camera))
     with pytest.raises(InputError, match=r"Cloud, frame 0: rendered above 1 in"):

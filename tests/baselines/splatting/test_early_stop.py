@@ -62,13 +62,6 @@ def test_training_stops_where_validation_got_no_better(scene, tmp_path):
     assert trained.residuals[-1] == pytest.approx(np.mean(last), rel=1e-5)
 
 
-def test_patience_that_is_never_spent_changes_only_the_views(scene, tmp_path):
-    trained = train(scene, replace(CONFIG, early_stop=EarlyStop(views=2, every=50, patience=100)), 0, tmp_path)
-    assert trained.iterations == 200
-    assert len(trained.residuals) == 4
-    assert trained.residuals[-1] < trained.residuals[0]
-
-
 @pytest.mark.parametrize("iteration", [10, 30, 76])
 def test_a_crash_leaves_no_trace(scene, stopped, tmp_path, iteration):
     config = replace(STOPPING, checkpoint_seconds=0.0)

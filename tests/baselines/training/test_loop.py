@@ -210,13 +210,6 @@ class Counting:
         self.iteration, self.seconds, self.total = tree["iteration"], tree["seconds"], tree["sums"]["total"]
 
 
-def test_a_training_that_sigterm_ends_exits_as_shells_expect(tmp_path, monkeypatch):
-    interrupting(monkeypatch, 1, signal.SIGTERM)
-    with pytest.raises(SystemExit) as end:
-        loop.run(Counting(), tmp_path / CHECKPOINT, {}, 1e9)
-    assert end.value.code == 128 + signal.SIGTERM
-
-
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_a_loss_that_is_not_finite_never_gets_into_a_checkpoint(tmp_path, bad):
     path = tmp_path / CHECKPOINT
@@ -235,15 +228,6 @@ def test_checkpoints_are_written_when_due_and_at_the_end(tmp_path, monkeypatch):
     assert written == [10]
     loop.run(Counting(), tmp_path / CHECKPOINT, {}, 0.0)
     assert written[1:] == list(range(1, 11))
-
-
-def test_seconds_add_up_and_a_finished_training_is_left_as_it_is(tmp_path):
-    first, again = Counting(), Counting()
-    loop.run(first, tmp_path / CHECKPOINT, {}, 1e9)
-    before = (tmp_path / CHECKPOINT).read_bytes()
-    loop.run(again, tmp_path / CHECKPOINT, {}, 1e9)
-    assert again.seconds == first.seconds > 0
-    assert (tmp_path / CHECKPOINT).read_bytes() == before
 
 
 def test_seconds_of_an_earlier_session_count(tmp_path):
@@ -271,20 +255,6 @@ def test_the_learning_curve_has_means_of_losses_and_the_counts_of_then(tmp_path)
     seconds = [float(row["seconds"]) for row in rows]
     assert seconds == sorted(seconds)
     assert seconds[-1] == pytest.approx(trainer.seconds, rel=1e-5)
-
-
-def test_the_learning_curve_goes_on_over_sessions(tmp_path, monkeypatch):
-    losses = {step: float(step) for step in range(250)}
-    loop.run(Counting(250, losses), tmp_path / "alone" / CHECKPOINT, {}, 1e9)
-    for moment in (1, 100):
-        with monkeypatch.context() as patch:
-            interrupting(patch, moment, signal.SIGINT)
-            with pytest.raises(KeyboardInterrupt):
-                loop.run(Counting(250, losses), tmp_path / CHECKPOINT, {}, 1e9)
-    assert learning_curve(tmp_path)[-1]["step"] == "99"  # what is there of it is in the folder as well
-    loop.run(Counting(250, losses), tmp_path / CHECKPOINT, {}, 1e9)
-    (rows, expected) = (learning_curve(folder) for folder in (tmp_path, tmp_path / "alone"))
-    assert [row | {"seconds": ""} for row in rows] == [row | {"seconds": ""} for row in expected]
 
 
 def test_a_kill_after_the_last_checkpoint_leaves_the_whole_learning_curve(tmp_path, monkeypatch):
@@ -348,18 +318,6 @@ def test_a_learning_curve_of_an_older_checkpoint_goes_on(tmp_path, columns):
     loop.run(Counting(250, {5: 5.0}), path, {}, 1e9)
     row = learning_curve(tmp_path)[len(rows)]
     assert (row["step"], row["loss"], row["numbers"]) == ("6", "4", "6")
-
-
-def test_a_checkpoint_without_a_learning_curve_is_gone_on_from(tmp_path):
-    path = tmp_path / CHECKPOINT
-    save_checkpoint(path, {"iteration": 4, "seconds": 1.0, "sums": {"total": np.full(1, 6.0)}}, {})
-    loop.run(Counting(), path, {}, 1e9)
-    assert [row["step"] for row in learning_curve(tmp_path)] == ["5", "6", "7", "8", "9", "10"]
-
-
-def test_progress_shows_the_first_loss_and_counts(tmp_path, capsys):
-    loop.run(Counting(), tmp_path / CHECKPOINT, {}, 1e9)
-    assert "loss 0.5000, 10 numbers" in capsys.readouterr().err
 
 
 class Watching(Counting):

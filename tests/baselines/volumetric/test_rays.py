@@ -7,7 +7,7 @@ import pytest
 import torch
 from splats import camera
 
-from baselines.volumetric.rays.rays import CameraArrays, WorldRays, camera_rays, depth_range
+from baselines.volumetric.rays.rays import WorldRays, camera_rays, depth_range
 from baselines.volumetric.rays.spaces import NDC, Contracted, choose_space, contract, expand, space_from
 from hydroviews.errors import InputError
 from hydroviews.scene.cameras import Camera
@@ -46,16 +46,6 @@ def test_points_on_rays_project_onto_pixel_centres_at_their_depth():
     np.testing.assert_allclose(found, depths)
 
 
-def test_rays_of_many_cameras_are_those_of_each():
-    cameras = forward_cameras()
-    views, columns, rows = np.array([3, 0, 4]), np.array([0.5, 39.5, 7.25]), np.array([29.5, 0.5, 3.0])
-    together = CameraArrays(cameras).rays(views, columns, rows)
-    for k, view in enumerate(views):
-        alone = CameraArrays([cameras[view]]).rays(np.zeros(1, int), columns[k : k + 1], rows[k : k + 1])
-        np.testing.assert_array_equal(together.origins[k], alone.origins[0])
-        np.testing.assert_allclose(together.directions[k], alone.directions[0], rtol=1e-14)
-
-
 def test_depths_of_visible_points_bound_the_range():
     cameras = [Camera(40, 30, 36.0, 36.0, 20.0, 15.0, np.eye(4))]
     assert depth_range(cameras, points_at([2.0, 5.0, 9.0]), 1.0) == pytest.approx((2, 9))
@@ -90,16 +80,6 @@ def test_device_coordinates_are_those_of_projected_points():
     known = np.column_stack([pixels, 1 - 2 * space.near / z]).reshape(-1, 3, 3)
     t = (known[..., 2] + 1) / 2  # z runs evenly from -1 at the near plane to 1
     np.testing.assert_allclose(entered.points(torch.from_numpy(t.astype(np.float32))), known, atol=2e-6)
-
-
-def test_every_training_ray_stays_in_the_cube():
-    cameras = forward_cameras()
-    space = choose_space(cameras, points_at([3.0, 8.0]), "ndc")
-    for view in cameras:
-        rays = space.from_world(camera_rays(view), CPU)
-        inside = space.to_unit_cube(rays.points(torch.linspace(0, 1, 5).expand(len(rays.origins), -1)))
-        assert inside.min() > -1e-6
-        assert inside.max() < 1 + 1e-6
 
 
 def test_cameras_all_round_are_contracted_into_the_unit_ball():

@@ -39,15 +39,6 @@ def test_pixels_of_a_plane_are_lifted_onto_it():
     assert np.abs(single - expected.reshape(-1, 3)).max() < 1e-5 * np.abs(depths).max()
 
 
-def test_points_project_to_the_pixels_they_come_from():
-    view = camera(9, 6, 0.7)
-    depths = torch.rand(6, 9, dtype=torch.float64, generator=torch.Generator().manual_seed(0)) + 1
-    pixels, found = view.project(lifted(depths, view).numpy())
-    columns, rows = np.meshgrid(np.arange(9) + 0.5, np.arange(6) + 0.5)
-    assert np.allclose(pixels, np.stack([columns, rows], axis=-1).reshape(-1, 2))
-    assert np.allclose(found, depths.flatten())
-
-
 def test_what_has_no_depth_is_no_point():
     depths = torch.full((3, 4), 2.0)
     depths[1, 2] = torch.nan

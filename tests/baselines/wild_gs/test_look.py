@@ -130,17 +130,6 @@ def test_what_is_masked_or_hidden_is_not_lifted():
     assert 0 < points(all_seen, [ignored, None]) < everything
 
 
-def test_there_is_no_local_look_at_first():
-    appearance = restless(appearance_of(replace(SEEING, local_from=0.5)))
-    gaussians = opaque()
-    first = shown(appearance, gaussians)
-    added = first.sh[0] - gaussians.sh[first.rows]
-    assert np.ptp(added, axis=0).max() < 1e-5  # all Gaussians are alike
-    appearance._steps = 5
-    later = shown(appearance, gaussians)
-    assert np.ptp(later.sh[0] - gaussians.sh[later.rows], axis=0).max() > 0.01
-
-
 def test_depths_are_kept_for_some_steps_and_rendered_anew():
     appearance, near, far = appearance_of(replace(SEEING, renewed=3)), opaque(), opaque()
     near = replace(near, means=near.means * np.float32(0.5))
@@ -159,11 +148,6 @@ def test_depths_are_kept_for_some_steps_and_rendered_anew():
     with torch.no_grad():
         shown(appearance, far, view=1)
     assert list(appearance._depths) == [0]  # nothing is kept where nothing is learned
-
-
-def test_the_price_of_masking_falls_linearly():
-    appearance = appearance_of(iterations=101)
-    assert [appearance.visible_price(k) for k in (0, 50, 100)] == pytest.approx([0.4, 0.25, 0.1])
 
 
 def test_the_mask_learns_at_the_price_of_the_step():

@@ -72,15 +72,6 @@ def test_points_on_the_edges_of_the_box_are_within_it():
     assert pictures[:, :, 3, [0, 0, -1, -1], [0, -1, 0, -1]].all()
 
 
-def test_linear_planes_are_read_as_their_sum():
-    axis = (torch.arange(SIDE) + 0.5) / SIDE * 2 - 1
-    v, u = torch.meshgrid(axis, axis, indexing="ij")
-    planes = torch.stack([2 * u + 3 * v, 5 * u - v + 1, -4 * u + 0.5 * v])[:, None]
-    x, y, z = (1.6 * torch.rand(30, 3, generator=torch.Generator().manual_seed(0)) - 0.8).unbind(dim=1)
-    expected = (2 * x + 3 * y) + (5 * y - z + 1) + (-4 * z + 0.5 * x)
-    assert torch.allclose(read(planes, torch.stack([x, y, z], dim=1))[:, 0], expected, atol=1e-5)
-
-
 def test_reading_and_its_gradient_are_those_of_torchs_sampler():
     generator = torch.Generator().manual_seed(1)
     planes = torch.rand(3, 4, 6, 6, generator=generator, dtype=torch.float64)

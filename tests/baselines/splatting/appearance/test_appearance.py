@@ -6,7 +6,7 @@ import torch
 from splats import BACKGROUND, camera, cloud, photographed, with_values
 
 from baselines.splatting.appearance.base import Appearance
-from baselines.splatting.appearance.gaussians import AppearanceGaussians, gaussians_in_view, in_sight, with_appearance
+from baselines.splatting.appearance.gaussians import AppearanceGaussians, in_sight, with_appearance
 from baselines.splatting.backends import torch_rasterizer as reference
 from baselines.splatting.backends.base import CpuBackend
 from baselines.splatting.config import TrainerConfig
@@ -167,11 +167,6 @@ def test_non_finite_gaussians_leave_the_network_whole(tmp_path):
     assert len(visible.rows) == 19
     visible.backward(visible.gaussians.map(np.ones_like), np.ones_like(visible.sh), BufferPool())
     assert all(torch.isfinite(parameter.grad).all() for parameter in appearance.parameters())
-
-
-def test_without_an_appearance_gaussians_are_shown_as_they_are():
-    gaussians = with_features(5)
-    assert gaussians_in_view(gaussians, None, camera(8, 8), 0, 1) is gaussians
 
 
 def test_the_gpu_takes_the_same_steps(tmp_path, cuda_backend):

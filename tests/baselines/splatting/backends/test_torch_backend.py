@@ -40,6 +40,14 @@ def test_both_draw_the_same(cuda_backend, antialiased):
     assert np.quantile(np.abs(ours - theirs), 0.99) < 2e-5  # cut-offs may fall on either side
 
 
+def test_a_view_of_nothing_is_the_background(backends):
+    cameras, (_, backend) = backends
+    nothing = cloud(0, 2)
+    backend.put(fresh_state(nothing))
+    assert np.isfinite(backend.step(cameras[0], 0, 0, 2, rates_at(0, 100, LearningRates(), 4.0, 2), StepOptions()))
+    assert np.allclose(backend.render(nothing, cameras[0]), BACKGROUND)
+
+
 def test_gsplat_lets_one_gaussian_cover_more(cuda_backend):
     objective = Objective(TrainingImages([np.zeros((16, 16, 3), np.uint8)]))
     wall = with_values(with_values(cloud(1, 0), "opacity_logits", 0, 20.0), "log_scales", 0, 1.0)

@@ -68,17 +68,6 @@ def test_growth_stops_at_the_budget_and_takes_the_largest_gradients(budget, grow
     assert np.array_equal(after.gaussians.means[100:], gaussians.means[100 - added :])
 
 
-def test_nothing_grows_without_a_gradient():
-    gaussians = replace(cloud(100, 0, size=0.01), opacity_logits=np.zeros(100, np.float32))
-    after = grow(watched(gaussians, np.full(100, 1e-5)), DefaultStrategy(), 10.0, generator())
-    assert len(after.gaussians) == 100
-
-
-def test_refining_nothing_gives_nothing():
-    after = grow(fresh_state(cloud(0, 1)), DefaultStrategy(), 1.0, generator())
-    assert len(after.gaussians) == 0
-
-
 def test_observed_gradients_are_by_half_the_image_size():
     state = fresh_state(cloud(4, 0))
     visible = np.array([True, False, True, True])

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 import torch
 from splats import camera, cloud, with_values
-from trainings import BUDGETED, CONFIG, DENSIFY, RELOCATION, assert_identical, psnr
+from trainings import BUDGETED, CONFIG, DENSIFY, psnr
 
-from baselines.gaussian_splatting import BudgetedSplatting, GaussianSplatting
-from baselines.method import find_method
+from baselines.gaussian_splatting import GaussianSplatting
 from baselines.splatting.backends.torch_ops import penalty_gradient, position_moves
 from baselines.splatting.gaussians import FIELDS
 from baselines.splatting.kernels.mcmc import GATE
@@ -197,38 +196,6 @@ def test_a_synthetic_scene_is_learnt_within_the_budget(scene, tmp_path):
     assert psnr(method, scene.test_views) > 26
 
 
-def test_the_same_seed_gives_the_same_bits(scene, tmp_path):
-    one, two = (train(scene, BUDGETED, 0, tmp_path / name) for name in ("one", "two"))
-    assert_identical(one, two)
-    assert not np.array_equal(one.gaussians.means, train(scene, BUDGETED, 1, tmp_path / "other").gaussians.means)
-
-
-def test_strategies_are_told_apart_by_their_settings(scene):
-    assert RELOCATION.due(19)
-    assert not RELOCATION.due(149)
-    assert not RELOCATION.step_options(0, 1.0, 1.0, 0).watch
-    assert DefaultStrategy().step_options(0, 1.0, 1.0, 0).watch
-
-
-def test_the_budgeted_method_has_half_the_gaussians():
-    assert find_method("3dgs-budget-clean").trains_on == "clean"
-    for profile in ("demo", "quick"):
-        budgeted, plain = (kind.configuration(profile) for kind in (BudgetedSplatting, GaussianSplatting))
-        assert 2 * budgeted.pruning.budget == plain.strategy.budget
-        grown = budgeted.strategy.stop / budgeted.iterations
-        assert grown < min(budgeted.pruning.at)  # what is pruned does not come back
-    assert BudgetedSplatting.configuration("paper").strategy == MCMCStrategy()
-
-
-def test_dearer_steps_are_fewer_on_the_same_schedule():
-    plain = GaussianSplatting.configuration("quick")
-    assert with_iterations(plain.iterations, plain) == plain
-    half = with_iterations(plain.iterations // 2, plain)
-    assert (2 * half.iterations, 2 * half.sh_degree_interval) == (plain.iterations, plain.sh_degree_interval)
-    assert 2 * half.strategy.stop == plain.strategy.stop
-    assert half.strategy.budget == plain.strategy.budget
-
-
 def test_relocation_is_scheduled_as_densification_is():
     relocation = replace(GaussianSplatting.configuration("quick"), strategy=MCMCStrategy(stop=9000, budget=60_000))
     half = with_iterations(relocation.iterations // 2, relocation)
@@ -236,10 +203,6 @@ def test_relocation_is_scheduled_as_densification_is():
     pruned = pruned_to_budget(1000, relocation)
     assert pruned.strategy == MCMCStrategy(stop=round(0.24 * pruned.iterations), budget=1500)
     assert pruned.pruning.budget == 1000
-
-
-def test_without_noise_nothing_moves():
-    assert MCMCStrategy(noise=0.0).step_options(0, 1e-4, 1.0, 0).noise is None
 
 
 def test_a_budget_is_exceeded_early_and_kept_in_the_end(scene, tmp_path):
