@@ -46,11 +46,6 @@ def test_no_x11(fake_bpy):
     assert found.fix == f"apt-get install {SYSTEM_PACKAGES}"
 
 
-def test_blender_that_dies_is_no_traceback(fake_bpy):
-    fake_bpy("import os\nos.abort()")
-    assert "exit status -6" in doctor.blender().found
-
-
 @pytest.mark.parametrize(("free", "state"), [(1.2, MISSING), (30.0, OK)])
 def test_space(monkeypatch, tmp_path, free, state):
     monkeypatch.setattr(shutil, "disk_usage", lambda folder: SimpleNamespace(free=free * 1e9))
@@ -82,13 +77,6 @@ def test_a_gpu_without_its_toolkit(monkeypatch, lacking, state, words):
     found = doctor.gpu()
     assert (found.state, found.found) == (state, words)
     assert ("docs/install.md" in found.fix) == (lacking == "no CUDA toolkit")
-
-
-def test_what_is_downloaded_later(tmp_path):
-    assert [found.state for found in doctor.weights(tmp_path)] == [LATER, LATER]
-    for name in ("lpips-v0.1-alex", "xfeat-scm"):
-        (tmp_path / f"{name}.safetensors").touch()
-    assert [found.state for found in doctor.weights(tmp_path)] == [OK, OK]
 
 
 @pytest.mark.parametrize("state", [OK, LATER, MISSING])

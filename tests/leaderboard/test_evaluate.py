@@ -1,6 +1,5 @@
 import dataclasses
 import json
-import re
 import subprocess
 import sys
 import threading
@@ -14,7 +13,6 @@ import pandas as pd
 import pytest
 from processes import PATIENCE
 
-import hydroviews
 from hydroviews import metrics
 from hydroviews.errors import InputError
 from hydroviews.files.locks import BUSY, locked
@@ -22,7 +20,7 @@ from hydroviews.files.ownership import FILES
 from hydroviews.scene.images import read_image
 from leaderboard import evaluate as evaluate_module
 from leaderboard.__main__ import score_command, table_command
-from leaderboard.evaluate import EvaluateRequest, evaluate, evaluate_command, outcome
+from leaderboard.evaluate import EvaluateRequest, evaluate, outcome
 from leaderboard.records import as_row, code_version, columns
 from leaderboard.runs import train_and_render as predict_module
 from leaderboard.runs.probe import probe
@@ -69,15 +67,6 @@ def test_rows_renders_and_scores(evaluated, tmp_path):
     assert (run / "preview.png").is_file()
 
 
-def test_the_table_is_printed_as_the_result_and_is_no_message(built, evaluated, tmp_path, caplog, capsys):
-    evaluate_command(request(built, tmp_path, "MeanColour"))
-    printed = capsys.readouterr().out
-    assert re.search(r"^yard \(demo, given-poses\)\n\n\| streak +\| PSNR", printed, re.MULTILINE), printed
-    assert "share of gap" in printed
-    assert printed.endswith(f"all runs: {tmp_path / 'results/leaderboard.csv'}\n")
-    assert "share of gap" not in caplog.text
-
-
 def test_files_of_the_users_in_the_folders_of_runs_stay(built, evaluated, trained_here, tmp_path):
     run = tmp_path / "results/demo/toy_methods.MeanColour/yard/streak-0/seed-0"
     config = json.loads((run / "config.json").read_text())
@@ -90,17 +79,6 @@ def test_files_of_the_users_in_the_folders_of_runs_stay(built, evaluated, traine
     evaluate(request(built, tmp_path, "MeanColour", overwrite=True))
     assert json.loads((run / "config.json").read_text()) == config
     assert [path.read_text() for path in (*mine[:2], tmp_path / "results/tables.md.kept")] == ["mine"] * 3
-
-
-def test_what_is_in_the_way_of_a_run_gets_another_name(built, evaluated, trained_here, tmp_path):
-    run = tmp_path / "results/demo/toy_methods.MeanColour/yard/streak-0/seed-0"
-    for name in ("record.json", "prediction.json"):
-        (run / name).unlink()
-    (run / "record.json").mkdir()
-    (run / "record.json" / "notes.txt").write_text("mine")
-    evaluate(request(built, tmp_path, "MeanColour"))
-    assert (run / "record.json").is_file()
-    assert (run / "record.json.kept" / "notes.txt").read_text() == "mine"
 
 
 def test_second_call_keeps_records_and_rescoring_gives_the_same(built, evaluated, tmp_path, caplog):
@@ -173,46 +151,16 @@ def test_the_version_is_that_of_the_code_that_trained(built, evaluated, tmp_path
     assert score(next(r for r in _runs(built, tmp_path))).version == evaluated.version
 
 
-def test_a_version_names_the_commit_of_our_own_checkout_alone(tmp_path, monkeypatch):
-    package = tmp_path / "theirs" / "site-packages" / "hydroviews"
-    package.mkdir(parents=True)
-    theirs, ours = tmp_path / "theirs", package.parent
-
-    def git(folder, *arguments):
-        who = ["-c", "user.name=n", "-c", "user.email=e"]
-        subprocess.run(["git", "-C", str(folder), *who, *arguments], check=True, capture_output=True)
-
-    monkeypatch.setattr("leaderboard.records.hydroviews.__file__", str(package / "__init__.py"))
-    assert code_version() == hydroviews.__version__
-    git(theirs, "init")
-    git(theirs, "commit", "--allow-empty", "-m", "theirs")
-    assert code_version() == hydroviews.__version__
-    (package / "__init__.py").write_text("")
-    git(ours, "init")
-    git(ours, "add", ".")
-    git(ours, "commit", "-m", "ours")
-    assert re.fullmatch(re.escape(hydroviews.__version__) + r"\+[0-9a-f]{7,}", code_version())
-    (package / "__init__.py").write_text("changed = True")
-    assert code_version().endswith("-dirty")
-
-
 @pytest.mark.parametrize(
     ("name", "dirty"),
     [
         ("hydroviews/rain/streaks.py", True),
-        ("baselines/method.py", True),
         ("deraings/enhancement/weights/small.safetensors", True),
-        ("leaderboard/evaluate.py", True),
         ("hydroviews/captures/captures.toml", True),
         ("pyproject.toml", True),
-        ("docs/leaderboard/results.md", False),
         ("docs/pictures/rain.jpg", False),
         ("README.md", False),
-        ("CHANGELOG.md", False),
         ("tests/test_docs.py", False),
-        ("benchmarks/quality.py", False),
-        ("examples/snow.py", False),
-        ("leaderboard/board/README.md", False),
         ("leaderboard/board/demo/3dgs/yard/clean/seed-0/record.json", False),
         ("hydroviews/rain/README.md", False),
         (".github/workflows/ci.yml", False),
@@ -287,18 +235,11 @@ def test_the_sparse_track_trains_on_a_third_and_keeps_apart(built, evaluated, tm
     assert score(sparse).n_train == 3
 
 
-@pytest.mark.parametrize(
-    ("method", "reason"),
-    [
-        ("Raises", "ArithmeticError: diverged at step 7"),
-        ("Killed", "ended by SIGKILL"),
-    ],
-)
-def test_a_failed_run_is_a_row_without_numbers(built, evaluated, tmp_path, method, reason):
-    record = evaluate(request(built, tmp_path, method))[-1]
+def test_a_failed_run_is_a_row_without_numbers(built, evaluated, tmp_path):
+    record = evaluate(request(built, tmp_path, "Killed"))[-1]
     assert record.status == "failed"
-    row = leaderboard(tmp_path).set_index("method").loc[f"toy_methods:{method}"]
-    assert reason in row.reason
+    row = leaderboard(tmp_path).set_index("method").loc["toy_methods:Killed"]
+    assert "ended by SIGKILL" in row.reason
     assert row[["psnr", "ssim", "lpips_alex", "train_s", "model_mb"]].isna().all()
     assert (leaderboard(tmp_path).status == "done").sum() == 2
 
@@ -328,22 +269,6 @@ def test_trouble_of_one_kind_or_another_is_a_row_and_the_next_pattern_runs(built
     assert again == of_it[0]
 
 
-def test_a_run_that_hangs_is_a_failed_row(built, evaluated, tmp_path):
-    record = evaluate(request(built, tmp_path, "Hangs", stall_limit=2 / 3600))[-1]
-    assert record.status == "failed"
-    assert "no line printed and no file written" in record.reason
-    with pytest.raises(InputError, match="--memory-limit 0"):
-        evaluate(request(built, tmp_path, "Hangs", memory_limit=0.0))
-
-
-def test_what_an_error_says_is_cut_and_printable(built, evaluated, tmp_path):
-    reason = evaluate(request(built, tmp_path, "Rambles"))[-1].reason
-    assert reason.startswith(r"ValueError: \ud800\x1b[31mxxx")
-    assert reason.endswith(" characters)")
-    assert len(reason) == 500
-    assert list(leaderboard(tmp_path).status) == ["done", "done", "failed"]
-
-
 def test_a_configuration_that_raises_is_a_clear_error(built, tmp_path):
     with pytest.raises(
         InputError, match=r"OddConfiguration: no configuration for PROFILE=demo[\s\S]*no settings today"
@@ -369,15 +294,6 @@ def test_other_settings_are_refused_unless_overwritten(built, evaluated, tmp_pat
     with pytest.raises(InputError, match="other settings"):
         evaluate(request(built, tmp_path, "MeanColour"))
     assert record.status == "done"
-
-
-@pytest.mark.usefixtures("trained_here")
-def test_one_number_of_thousands_in_the_settings_is_another_run(built, evaluated, tmp_path, monkeypatch):
-    evaluate(request(built, tmp_path, "LongTable"))
-    assert evaluate(request(built, tmp_path, "LongTable"))[-1].status == "done"
-    monkeypatch.setenv("TOY_SHIFT", "0.1")
-    with pytest.raises(InputError, match=r"other settings[\s\S]*table[\s\S]*sha256"):
-        evaluate(request(built, tmp_path, "LongTable"))
 
 
 def test_settings_that_cannot_be_recorded_are_refused_by_their_field_before_anything_is_built(built, tmp_path):
@@ -409,9 +325,7 @@ def test_unknown_names(built, tmp_path, changes, message):
 @pytest.mark.parametrize(
     ("method", "message"),
     [
-        ("nerf-x", "no such method"),
         ("json:JSONDecoder", "is not a method"),
-        ("no.module:Class", "cannot import"),
         ("module_that_exits:Any", r"cannot import[\s\S]*SystemExit: 0"),
         (
             "module_that_dies:Any",

@@ -8,7 +8,7 @@ from benchmarks.rain.hard_rain import AIR, behind, blank, foggy, painted, row
 from hydroviews.files.atomic import write_json
 from hydroviews.rain.layers import write_layers
 from hydroviews.scene.depth import depth_path, write_depth
-from hydroviews.scene.images import read_image, to_linear, to_srgb
+from hydroviews.scene.images import to_linear, to_srgb
 
 TO_THE_BYTE = 1.01 / 255
 
@@ -48,13 +48,6 @@ def test_one_training_photograph_shows_mist_alone(scene, tmp_path):
     assert even[0] in scene.split.train
     for view, before in zip(misted.views, scene.views, strict=True):
         assert view.name in even or (view.image() == before.image()).all()
-
-
-def test_photographs_are_painted_once(scene, tmp_path):
-    first = painted(scene, tmp_path / "made", lambda view: 0.5 * view.image())
-    again = painted(scene, tmp_path / "made", lambda view: 0.1 * view.image())
-    assert [view.path for view in first.views] == [view.path for view in again.views]
-    assert np.allclose(read_image(again.views[0].path), 0.5 * scene.views[0].image(), atol=TO_THE_BYTE)
 
 
 @pytest.mark.usefixtures("toys")

@@ -70,13 +70,6 @@ def test_small_disks(stage, tmp_path, how, told):
     assert row["then"] == "same bytes"
 
 
-def test_locks_and_times_are_left_out(tmp_path):
-    for name in ("a", ".lock-a", "prediction.json", "deep/.partial-b"):
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_text(name)
-    assert set(files_below(tmp_path, ("prediction.json",))) == {"a", "deep/.partial-b"}
-
-
 @pytest.mark.skipif(not KILLS, reason="KILLS=10 kills real commands ten times each")
 def test_real_commands_go_on_where_they_were_killed(tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", f"{REPOSITORY}{os.pathsep}{REPOSITORY / 'tests/helpers/processes'}")

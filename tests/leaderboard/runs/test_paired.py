@@ -1,7 +1,6 @@
 """Paired captures from the folder to the table: trained on rainy photographs, scored on clean ones."""
 
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,6 @@ from paired import NAMES, name_cameras, paired_capture
 from synthetic import capture_in
 
 from baselines.gaussian_splatting import GaussianSplatting
-from baselines.method import find_method
 from baselines.splatting.config import TrainerConfig
 from hydroviews import metrics
 from hydroviews.dataset.card.contact_sheet import write_sheets
@@ -23,7 +21,7 @@ from hydroviews.files.atomic import write_json
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.formats.writers import write_colmap
 from hydroviews.profiles import find_profile
-from hydroviews.scene.images import read_image, write_png
+from hydroviews.scene.images import read_image
 from leaderboard.evaluate import EvaluateRequest, evaluate, outcome
 from leaderboard.runs.run import Run, claim_folder
 from leaderboard.runs.train_and_render import train_and_render
@@ -128,14 +126,6 @@ def test_published_captures_are_read_by_name(tmp_path, published, prefixes):
     assert verify(built.parent) == []
 
 
-def test_another_clean_photograph_is_another_capture(tmp_path):
-    capture = paired_capture(tmp_path / "walk")
-    built(tmp_path, capture)
-    write_png(capture / "clean" / "view-00.png", np.zeros((36, 48, 3), np.uint8))
-    with pytest.raises(InputError, match="built from another request"):
-        built(tmp_path, capture)
-
-
 @pytest.mark.parametrize("clean", [NAMES, NAMES[6:]])
 def test_a_method_gets_no_clean_photograph(tmp_path, clean):
     rainy = NAMES if clean == NAMES else NAMES[:6]
@@ -147,25 +137,6 @@ def test_a_method_gets_no_clean_photograph(tmp_path, clean):
         train = open_clean(folder).split.train
         assert pictures == {f"walk/{CAPTURED}/images/{name}.png" for name in train}
         assert [view.name for view in lent.training_scene().views] == NAMES  # of the others there are cameras
-
-
-@pytest.mark.parametrize("name", ["deraings", "deraings-plus"])
-def test_deraings_learns_from_paired_photographs(tmp_path, monkeypatch, name):
-    """As on a built variant, in few steps: from the rainy photographs alone, scored on clean ones of other views."""
-    method = find_method(name)
-    short = replace(method.profiles["demo"], splatting=TrainerConfig(iterations=STEPS, device="cpu"))
-    monkeypatch.setattr(method, "configuration", lambda _: short)
-    folder = built(tmp_path, paired_capture(tmp_path / "walk", NAMES[:6], NAMES[6:]))
-    run, record = trained(tmp_path / "data", CAPTURED, tmp_path / "results", name, "walk")
-    assert (record.status, record.n_train, record.n_test) == ("done", 6, 3)
-    enhanced = {path.stem for path in run.folder.glob("enhanced/*/*.png")}
-    assert enhanced
-    assert enhanced <= set(NAMES[:6])
-    places = run.folder / "renders", folder / "clean"
-    pairs = [[read_image(place / f"{view}.png") for place in places] for view in NAMES[6:]]
-    assert record.scores["psnr"] == pytest.approx(np.mean([metrics.psnr(*pair) for pair in pairs]), abs=1e-4)
-    assert record.scores["psnr"] > 5
-    assert not np.array_equal(pairs[0][0], pairs[1][0])
 
 
 def trained(data: Path, pattern: str, results: Path, method: str = "3dgs", scene: str = "yard"):

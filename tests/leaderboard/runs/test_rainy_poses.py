@@ -1,6 +1,4 @@
 import shutil
-import threading
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -126,36 +124,6 @@ def test_methods_share_cameras_and_clean_views_have_their_own(built, monkeypatch
     assert len(calls) == 2
 
 
-def test_two_evaluations_at_once_estimate_once(built, monkeypatch):
-    begun, both = [], threading.Barrier(2)
-
-    def start():
-        begun.append(threading.get_ident())
-        both.wait(0.5) if len(begun) > 1 else None  # passes only if both are in here
-
-    calls = pretend(built, monkeypatch, registered=7, begun=start)
-    run = run_of(built)
-    with ThreadPoolExecutor(2) as pool:
-        first, second = pool.map(lambda _: run.estimate(), range(2))
-    assert first == second
-    assert len(calls) == 1
-
-
-def test_goes_on_after_an_interruption(built, monkeypatch):
-    def stop():
-        raise KeyboardInterrupt
-
-    pretend(built, monkeypatch, registered=7, begun=stop)
-    with pytest.raises(KeyboardInterrupt):
-        evaluate(request(built))
-    cameras = run_of(built, pattern="clean").cameras
-    linked = sorted(path.name for path in (cameras / "photographs").iterdir())
-    assert not (cameras / "errors.json").exists()
-    pretend(built, monkeypatch, registered=7)
-    assert evaluate(request(built))[-1].status == "done"
-    assert sorted(path.name for path in (cameras / "photographs").iterdir()) == linked
-
-
 @pytest.mark.parametrize(
     ("registered", "reason"),
     [(3, "3 of 7 photographs registered, fewer than 4"), (2, "only 2 of 7 photographs could be registered")],
@@ -191,11 +159,6 @@ def test_other_data_are_estimated_anew(built, monkeypatch):
     estimated_cameras.estimate_cameras(run.cameras, scene, 0, "of other data", rainy=True)
     assert len(calls) == 2
     assert read_json(run.cameras / "settings.json")["data_sha256"] == "of other data"
-
-
-def test_a_run_without_its_cameras_says_so(built):
-    with pytest.raises(InputError, match=r"no estimated cameras\n.*evaluate the run again"):
-        run_of(built).training_scene()
 
 
 def test_photographs_of_a_flower_in_rain(tmp_path):

@@ -1,7 +1,6 @@
 """A score is of the data that the manifest lists, whatever a method or a disk does to files."""
 
 import dataclasses
-import errno
 import stat
 
 import numpy as np
@@ -87,18 +86,6 @@ def test_what_is_lent_is_the_scene_without_what_is_held_back(place, track):
         assert pictures == {f"{name}.png" for name in whole.split.train}
         assert loan.spoilt() == []
     assert not lent.data.exists()
-
-
-def test_a_full_disk_while_lending_is_told_and_leaves_nothing(place, evaluated, monkeypatch):
-    def full(source, target):
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    run = run_of(place)
-    with monkeypatch.context() as disk:
-        disk.setattr("hydroviews.dataset.lending.shutil.copyfile", full)
-        with pytest.raises(InputError, match="no space left on the disk"), run.lent():
-            pass
-    assert not list(run.folder.glob(".partial*"))
 
 
 @pytest.mark.usefixtures("trained_here")

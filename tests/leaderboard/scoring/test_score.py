@@ -115,8 +115,3 @@ def test_a_render_of_16_bits_or_with_alpha_is_refused(rendered, pixels, found):
         score_views(renders, views, {})
     assert f"found: {found}, 48x36 pixels\n  expected: 8 bits, 3 channels, 48x36 pixels" in str(refused.value)
     assert score.AGAIN in str(refused.value)
-
-
-def test_the_digest_of_renders_does_not_depend_on_the_order_they_are_given_in(rendered):
-    paths = sorted(rendered[1].iterdir())
-    assert score.renders_sha256(paths) == score.renders_sha256(paths[::-1])

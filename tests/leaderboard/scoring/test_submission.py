@@ -94,13 +94,6 @@ def test_what_they_write_of_themselves_is_run_by_no_spreadsheet_and_obeyed_by_no
     assert r"=1+1 \| 80 GB" in costs[2]
 
 
-def test_a_byte_order_mark_is_no_part_of_the_file(theirs):
-    about = theirs / "submission.toml"
-    about.write_bytes(b"\xef\xbb\xbf" + about.read_bytes().replace(b"\n", b"\r\n"))
-    sent(theirs)
-    assert (theirs.parent / "results" / "leaderboard.csv").is_file()
-
-
 def test_submitted_again_it_is_kept_and_other_renders_are_refused_unless_overwritten(theirs, caplog):
     sent(theirs)
     stamp = theirs.parent / "results/demo/their-method/yard/streak-0/seed-0/renders/view-00.png"
@@ -195,10 +188,3 @@ def test_a_run_of_ours_is_not_replaced(theirs, ours):
     (run / "config.json").write_text(json.dumps(settings | {"method": "their-method"}))
     with pytest.raises(InputError, match="holds another run of that name"):
         sent(theirs)
-
-
-def test_a_record_tells_the_size_of_the_pictures(ours):
-    _, run, record = ours
-    camera = run.clean_scene().test_views[0].camera
-    assert (record.width, record.height) == (camera.width, camera.height)
-    assert camera.width != camera.height

@@ -66,15 +66,6 @@ def test_the_markdown_has_scores_and_costs_of_every_method_and_says_of_which_run
     assert TOLD in scene_text(collect(results), "pond", "demo", "given-poses")
 
 
-def test_the_latex_has_scenes_grades_and_costs_of_every_method_once_more(results):
-    captions = (results / "tables.tex").read_text().split(r"\caption{")[1:]
-    shared, run = [text for text in captions if f"{SHARED}." in text], own_run(results, "few")
-    assert len(shared) == 3
-    assert len(captions) == 6
-    for text in shared:
-        assert f"{run.psnr:.2f}" in text
-
-
 def test_comparisons_rank_all_methods_among_themselves(results):
     table = collect(results)
     text = comparisons_text(table, collect_views(table, results))

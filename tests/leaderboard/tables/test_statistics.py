@@ -80,14 +80,6 @@ def test_the_interval_over_scenes_is_students():
     assert (found.low[0], found.high[0]) == pytest.approx((low, high), rel=2e-3)
 
 
-def test_same_seed_same_interval_and_one_view_has_none():
-    scenes = boards(1, 5, 2, 2, (0.0, 0.3, 0.2, 0.2), np.random.default_rng(1))
-    assert np.array_equal(estimate(scenes, seed=4).low, estimate(scenes, seed=4).low)
-    one = estimate([SceneScores(np.ones((2, 1, 1)), np.array([0, 1]))])
-    assert one.mean[0] == 1
-    assert math.isnan(one.low[0])
-
-
 def test_equal_methods_have_p_1():
     scenes = [SceneScores(np.tile([0.0, 1.0], (3, 2, 1)), np.zeros(3, int))] * 4
     p = signed_rank_p(scenes)
@@ -111,12 +103,6 @@ def test_so_many_seeds_find_a_difference_in_four_of_five_boards():
     trials = rng.normal(0.1, 0.4, (6 * int(seeds), 4000))
     found = stats.ttest_1samp(trials, 0, axis=0).pvalue < 0.05
     assert found.mean() == pytest.approx(0.8, abs=0.03)
-
-
-def test_the_spread_of_two_seeds_is_that_of_a_sample():
-    """Of 0 and 2 the variance is 2, not 1."""
-    scene = SceneScores(np.array([0.0, 2.0])[:, None, None], np.zeros(2, int))
-    assert seeds_needed([scene]) == math.ceil(2 * (1.959964 + 0.841621) ** 2)
 
 
 def test_seeds_that_nothing_is_known_of():

@@ -3,7 +3,7 @@ import pytest
 
 from hydroviews.metrics import find_metrics
 from leaderboard.records import columns
-from leaderboard.tables.dataframes import ablation_means, cost_means, grade_of, scene_keys, scene_table, share_of_gap
+from leaderboard.tables.dataframes import cost_means, grade_of, scene_keys, scene_table, share_of_gap
 from leaderboard.tables.markdown import to_markdown
 from leaderboard.tables.means import places, shared_runs
 
@@ -106,17 +106,6 @@ def test_failed_runs_are_counted_and_left_out_of_the_mean():
     assert "Means over 1 of 2 runs, which all the others have. Without a finished run: theirs." in text
 
 
-def test_where_a_run_lacks_a_number_its_mean_is_not_told():
-    table = rows(("ours", "streak", "done", 24.0), ("ours", "streak", "partial", None))
-    assert pd.isna(scene_table(table, "yard", "demo", "given-poses").loc["ours", ("streak", "psnr")])
-
-
-def test_the_ablation_is_over_drops_and_streaks_alone_and_in_the_papers_order():
-    runs = [("deraings", "raindrop", "done", 20.0), ("3dgs", "raindrop", "done", 10.0)]
-    means = ablation_means(rows(*runs, *((name, "storm", "done", 40.0) for name in ("3dgs", "deraings"))))
-    assert list(means.psnr.items()) == [("3dgs", 10), ("deraings", 20)]
-
-
 def test_means_are_of_shared_runs_and_who_lacks_runs_is_underlined_and_not_the_best():
     table = rows(
         ("ours", "streak", "done", 29.0),
@@ -133,17 +122,6 @@ def test_means_are_of_shared_runs_and_who_lacks_runs_is_underlined_and_not_the_b
     assert "| ours | <u>29.00</u> |" in text
     assert "| theirs | **24.00** |" in text
     assert "Means over 1 of 2 runs, which all of them have." in text
-
-
-def test_a_method_that_shares_no_run_is_told_and_empties_nothing():
-    table = rows(("ours", "streak", "done", 29.0), ("theirs", "streak", "done", 24.0), ("alone", "streak", "done", 9.0))
-    table.loc[2, "data_sha256"] = "of an older build"
-    more = rows(("ours", "streak", "done", 27.0), ("theirs", "streak", "done", 20.0)).assign(seed=1)
-    table = pd.concat([table, more], ignore_index=True)
-    board = scene_table(table, "yard", "demo", "given-poses")
-    assert board["streak"].psnr.dropna().to_dict() == {"ours": 28, "theirs": 22}
-    told = "Means over 2 of 2 runs, which all of them have, but alone, which shares fewer than half."
-    assert told in to_markdown(board)
 
 
 def test_a_method_that_lacks_most_runs_leaves_the_others_theirs():
@@ -168,15 +146,6 @@ def test_references_are_taken_on_the_scenes_and_seeds_that_are_compared():
     assert scene_table(table, "yard", "demo", "given-poses").loc["3dgs-clean", ("streak", "psnr")] == 30
     alone = table[table.method == "3dgs-clean"]
     assert cost_means(alone).loc["3dgs-clean", "psnr"] == 15  # where nothing is compared: scenes alike, then seeds
-
-
-def test_the_ceiling_stands_under_every_effect():
-    table = rows(
-        ("3dgs", "streak", "done", 20.0), ("3dgs", "raindrop", "done", 22.0), ("3dgs-clean", "clean", "done", 30.0)
-    )
-    summary = scene_table(table, "yard", "demo", "given-poses")
-    assert summary.loc["3dgs-clean", ("streak", "psnr")] == 30
-    assert summary.loc["3dgs-clean", ("raindrop", "psnr")] == 30
 
 
 @pytest.mark.parametrize(

@@ -72,12 +72,6 @@ class TestComparison:
         assert comparison.error.shape == comparison.photograph.shape == written.shape
         assert compare(load_method(run), list_shots(run)[0]).score is None
 
-    def test_what_was_captured_in_rain_is_shown_and_not_scored(self, tmp_path):
-        wet = finished_run(tmp_path, rainy=True)
-        shots = list_shots(wet)
-        assert [shot.held_out for shot in shots] == [False] * 7 + [True] * 2
-        assert compare(load_method(wet), shots[-1]).score is None
-
 
 class TestStage:
     def test_a_scene_far_away_is_shown_as_the_same_one_near(self, run, tmp_path):
@@ -115,12 +109,6 @@ class TestStage:
         assert window_fov(camera, 2.0) == pytest.approx(vertical_fov(camera))
         assert np.tan(window_fov(camera, 0.5) / 2) * 0.5 == pytest.approx(camera.width / camera.fx / 2)
 
-    def test_cameras_alone_make_a_stage(self, run):
-        cameras = [shot.view.camera for shot in list_shots(run)]
-        away = normalise_scene(cameras, None).place([camera.centre for camera in cameras])
-        assert np.median(np.linalg.norm(away, axis=1)) == pytest.approx(SIZE)
-        assert frustum_length(cameras[:1], normalise_scene(cameras[:1], None)) == 1
-
 
 class TestServer:
     def test_the_scene_has_gaussians_and_every_camera(self, viser, run):
@@ -146,12 +134,6 @@ class TestServer:
             clicks[f"/{TRAINING}/view-03"](None)
             assert "was trained on this photograph" in viewer.figures.content
 
-    def test_the_chosen_camera_does_not_stand_in_its_own_way(self, viser, run):
-        with viewing(run) as viewer:
-            viewer.chooser.value = "view-04"
-            assert not viewer.frustums["view-04"].visible
-            assert viewer.frustums["view-00 (held out)"].visible
-
     def test_windows_fly_to_the_chosen_camera(self, viser, run, monkeypatch):
         camera = SimpleNamespace(wxyz=np.array([1.0, 0, 0, 0]), position=np.zeros(3), fov=1.0, aspect=0.5, look_at=None)
         window = SimpleNamespace(camera=camera, atomic=viser.ViserServer.atomic, flush=lambda: None)
@@ -166,23 +148,6 @@ class TestServer:
             assert abs(camera.wxyz @ wxyz) == pytest.approx(1)
             assert camera.fov == pytest.approx(window_fov(target.camera, 0.5))
             assert np.allclose(camera.look_at - position, SIZE * target.camera.rotation[2])
-
-    def test_photographs_and_cameras_can_be_switched_off(self, viser, run, monkeypatch):
-        boxes = {}
-
-        def remember(self, label, initial_value, add=viser.GuiApi.add_checkbox):
-            boxes[label] = add(self, label, initial_value)
-            return boxes[label]
-
-        monkeypatch.setattr(viser.GuiApi, "add_checkbox", remember)
-        with viewing(run) as viewer:
-            boxes["photographs"].value = False
-            assert all(handle.image is None for handle in viewer.frustums.values())
-            boxes["photographs"].value = True
-            assert all(handle.image is not None for handle in viewer.frustums.values())
-            for label, name in {"Gaussians": "/splats", "training cameras": f"/{TRAINING}"}.items():
-                boxes[label].value = False
-                assert not viewer.server.scene.get_handle_by_name(name).visible
 
     def test_a_method_without_gaussians_still_shows_cameras_and_renders(self, viser, tmp_path):
         grey = finished_run(tmp_path, "Grey")
