@@ -123,17 +123,6 @@ def test_a_run_that_another_process_is_at_is_waited_for(built, evaluated, tmp_pa
     assert "toy_methods:MeanColour on yard/streak-0, seed 0: kept" in caplog.text
 
 
-def test_rescoring_on_other_data_is_refused(built, evaluated, tmp_path):
-    manifest = tmp_path / "data/demo/manifest.json"
-    content = json.loads(manifest.read_text())
-    content["scenes"]["yard"]["files"]["clean/view-00.png"] = "another"
-    manifest.write_text(json.dumps(content))
-    with pytest.raises(InputError, match="has not the data that it was run on"):
-        score(_runs(built, tmp_path)[0])
-    with pytest.raises(InputError, match=r"seed 5: no such run\n.*config\.json\n.*make eval"):
-        score(dataclasses.replace(_runs(built, tmp_path)[0], seed=5))
-
-
 @pytest.mark.usefixtures("trained_here")
 def test_renders_that_were_interrupted_are_made_again(built, evaluated, tmp_path, monkeypatch):
     run = next(r for r in _runs(built, tmp_path))
@@ -251,22 +240,6 @@ def test_a_task_says_by_its_status_whether_its_run_failed(built, evaluated, tmp_
     with pytest.raises(SystemExit) as ended:
         task.main(dataclasses.replace(run, method="toy_methods:Raises"), Limits(1, 1))
     assert ended.value.code == 1
-
-
-def test_trouble_of_one_kind_or_another_is_a_row_and_the_next_pattern_runs(built, evaluated, tmp_path, monkeypatch):
-    monkeypatch.setattr(evaluate_module, "FLOOR", "toy_methods:Troubles")  # no runs of another one
-    patterns = ("streak-0", "streak-1", "streak-2")
-    records = evaluate(request(built, tmp_path, "Troubles", patterns=patterns))
-    of_it = [record for record in records if record.method.endswith("Troubles")]
-    assert [(record.pattern, record.status) for record in of_it] == [
-        ("streak-0", "failed"),
-        ("streak-1", "failed"),
-        ("streak-2", "done"),
-    ]
-    assert "removed or changed the config.json" in of_it[0].reason
-    assert "its process ended before the work was done, with exit status 130" in of_it[1].reason
-    again = evaluate(request(built, tmp_path, "Troubles", patterns=patterns[:1]))[-1]
-    assert again == of_it[0]
 
 
 def test_a_configuration_that_raises_is_a_clear_error(built, tmp_path):

@@ -10,7 +10,7 @@ from in_the_way import KINDS, not_for_ever, swap
 
 from hydroviews.errors import InputError
 from leaderboard.evaluate import EvaluateRequest, evaluate
-from leaderboard.gather import collect, collect_views, write_leaderboard
+from leaderboard.gather import collect, write_leaderboard
 from leaderboard.records import LONGEST, columns, printable
 from leaderboard.tables.rain_losses import record_losses
 
@@ -34,14 +34,6 @@ def row(results: Path) -> pd.Series:
     assert table.status[0] == "done"
     assert list(table.columns) == columns()
     return table.iloc[1]
-
-
-def test_a_run_that_is_removed_while_tables_are_written_is_left_out_of_the_views(results, caplog):
-    table = collect(results)
-    shutil.rmtree(results / RUN)  # as another process may, once its record has been read
-    views = collect_views(table, results)
-    assert set(views.method) == {"toy_methods:MeanColourClean"}
-    assert f"{RUN}: its views are not counted" in caplog.text
 
 
 @pytest.mark.parametrize(
@@ -191,17 +183,6 @@ def test_evaluated_again_an_odd_prediction_is_a_failed_row(results, again, conte
     assert record.status == "failed"
     assert reason in record.reason
     assert "remove its prediction.json: the same command renders it again" in record.reason
-
-
-def test_a_render_that_is_damaged_is_a_failed_row_that_says_how_to_render_again(results, again, evaluated):
-    run = results / RUN
-    (run / "record.json").unlink()
-    (run / "renders" / "view-00.png").write_bytes(b"")
-    record = again()
-    assert record.status == "failed"
-    assert "view-00.png: not a render" in record.reason
-    (run / "prediction.json").unlink()
-    assert again().scores == evaluated.scores
 
 
 def test_settings_that_were_cut_are_refused_with_a_way_out(results, again, evaluated_once):

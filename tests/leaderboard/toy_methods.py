@@ -134,27 +134,9 @@ class Hangs(MeanColour):
         time.sleep(600)
 
 
-class Troubles(MeanColour):
-    """Makes trouble of another kind on every pattern but heavy streaks."""
-
-    def fit(self, scene: Scene, folder: Path) -> None:
-        super().fit(scene, folder)
-        if folder.parent.name == "streak-0":
-            shutil.rmtree(folder)
-        if folder.parent.name == "streak-1":
-            os._exit(130)
-
-
 class NothingLeft(MeanColour):
     def summary(self) -> TrainingSummary:
         return replace(super().summary(), n_primitives=0)
-
-
-class Rambles(MeanColour):
-    """An error as long as a book, with what is no character; and so is what it used."""
-
-    def fit(self, scene: Scene, folder: Path) -> None:
-        raise ValueError("\ud800\x1b[31m" + 1_000_000 * "x")
 
 
 class OddConfiguration(MeanColour):
@@ -221,25 +203,6 @@ LEFT = [
     lambda folder: _as_folder(folder / "config.json"),
     _as_file,
 ]
-
-
-class LongTable(MeanColour):
-    """Settings with a long array, in whose middle stands $TOY_SHIFT."""
-
-    @classmethod
-    def configuration(cls, profile: str) -> "TableConfig":
-        return TableConfig()
-
-
-def _table() -> np.ndarray:
-    table = np.zeros(5000)
-    table[2500] = float(os.environ.get("TOY_SHIFT", "0"))
-    return table
-
-
-@dataclass(frozen=True)
-class TableConfig(Config):
-    table: np.ndarray = field(default_factory=_table)
 
 
 class HoldsAnObject(MeanColour):

@@ -12,7 +12,6 @@ from baselines.cr_nerf.config import CrNerfConfig, StyleConfig, TransformConfig,
 from baselines.cr_nerf.losses import cr_nerf_losses
 from baselines.cr_nerf.model import KEPT, CrNerfModel
 from baselines.training.images import TrainingImages
-from baselines.volumetric import model as volumetric_model
 from baselines.volumetric.compositing import INFINITE
 from baselines.volumetric.rays.photographs import as_seen
 
@@ -119,16 +118,6 @@ def test_the_mean_style_is_the_style_where_all_photographs_are_the_same():
         made.content_mean.copy_(trained.extras["content_mean"])
         made.content_matrix.copy_(trained.extras["content_matrix"])
         torch.testing.assert_close(made.shade(of.rays, trained.samples, None).colour, trained.colour)
-
-
-def test_a_render_depends_neither_on_its_parts_nor_on_its_size(monkeypatch):
-    made, camera = model(), balls.camera(32, 24, 0.3)
-    whole = made.render(camera)
-    monkeypatch.setattr(volumetric_model, "CHUNK", 48 * 100)
-    np.testing.assert_allclose(made.render(camera), whole, atol=2e-6)
-    with torch.no_grad():
-        some, alone = made(rays(50)).colour, made(rays(50).part(0, 7)).colour
-    torch.testing.assert_close(some[:7], alone, rtol=0, atol=2e-6)
 
 
 def test_rays_see_their_views_style_or_the_mean_one():

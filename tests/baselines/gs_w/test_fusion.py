@@ -108,19 +108,3 @@ def test_in_some_steps_nothing_of_the_reference_is_seen():
     assert moved == [not alike for alike in same]  # a step without the reference teaches nothing of where to look
     with torch.no_grad():
         assert not any(appearance._absent() for _ in range(20))
-
-
-def test_coordinates_begin_within_the_maps_and_follow_positions():
-    appearance = ReferenceAppearance(some_pictures(), SHORT, 1, 10, 0)
-    gaussians = cloud(500, 1)
-    coordinates = appearance.features(gaussians)
-    assert coordinates.shape == (500, 4)
-    assert np.abs(coordinates).max() <= 1
-    middle, side = appearance.fusion.middle.numpy(), appearance.fusion.side.item()
-    inside = (np.abs(gaussians.means - middle) < side).all(axis=1)  # beyond the cube all is at its faces
-    places = np.column_stack([gaussians.means, np.ones(500)])
-    assert inside.sum() > 100
-    _, residuals, rank, _ = np.linalg.lstsq(places[inside], coordinates[inside], rcond=None)
-    assert rank == 4
-    assert np.sqrt(residuals / inside.sum()).max() < 1e-5  # an affine map
-    assert coordinates[inside].std(axis=0).min() > 0.05

@@ -69,15 +69,6 @@ def test_the_loss_is_that_of_the_inliers_and_the_same_as_ever_where_all_are():
     assert np.array_equal(ours[1], usual[1])
 
 
-def test_percentiles_stay_once_growth_has_stopped():
-    images = TrainingImages([np.zeros((24, 32, 3), np.uint8)])
-    config = RobustFilterConfig(replace(SPLATTING, strategy=replace(STEADY, stop=10)))
-    rule = objective(TrimmedPixels, images, config)
-    rule(np.full((24, 32, 3), 0.5, np.float32), 0, 9, BufferPool())
-    rule(np.full((24, 32, 3), 0.1, np.float32), 0, 10, BufferPool())
-    assert rule.pixel_weights.histogram.counts.sum() == 24 * 32
-
-
 def test_what_is_hidden_moves_neither_percentiles_nor_the_share_of_pixels_that_count():
     images = TrainingImages([np.full((24, 32, 3), 200, np.uint8)], [np.indices((24, 32))[1] < 16])
     rule = objective(AllThatIsShown, images, RobustFilterConfig(SPLATTING, TrimConfig(fade_in=1e-6)))

@@ -42,12 +42,6 @@ def test_a_uniform_medium_dims_exponentially_and_adds_the_rest_as_airlight():
     assert np.allclose(made.airlight.detach(), 0.5)
 
 
-def test_the_medium_begins_as_nearly_clear_air():
-    made = Medium(MediumConfig(cells=16), BOX, 0)
-    assert float(made.extinction.mean().detach()) == pytest.approx(0.05, rel=0.01)
-    assert torch.equal(made.field, Medium(MediumConfig(cells=16), BOX, 0).field)
-
-
 def test_reads_are_trilinear():
     made, rng = medium(samples=1), np.random.default_rng(1)
     grid = torch.from_numpy(rng.random((6, 6, 6)))

@@ -5,21 +5,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
-from disturbed import disturbed, fitted, only_in_training, whole_and_resumed
+from disturbed import disturbed, fitted, only_in_training
 from splats import cloud, photographed
 from trainings import psnr
 
-import baselines.nimbus.method as nimbus
 from baselines.gaussian_splatting import GaussianSplatting
 from baselines.method import check_hidden
 from baselines.nimbus.config import MediumConfig, NimbusConfig, ResidualConfig
 from baselines.nimbus.method import Nimbus
 from baselines.nimbus.objective import NimbusObjective
-from baselines.splatting.config import EarlyStop, TrainerConfig
+from baselines.splatting.config import TrainerConfig
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.rasterizer import depth, render
-from baselines.splatting.schedule import validation_views
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.training.images import TrainingImages
 
@@ -127,17 +124,6 @@ def test_gradients_are_those_of_the_loss(tmp_path):
         assert slope == pytest.approx((gradient * way).sum(), rel=0.03)
 
 
-@pytest.mark.parametrize("judged", [0.3, 0.8])
-def test_a_medium_that_was_given_up_stays_so_when_a_run_goes_on(tmp_path, judged):
-    """Before the interruption, and after it."""
-    config = replace(BRIEF, medium=replace(BRIEF.medium, judged=judged, least=0.9))
-    scene = photographed(tmp_path, n_views=4)
-    whole, resumed = whole_and_resumed(Nimbus, config, scene, tmp_path, nimbus, "NimbusObjective")
-    assert whole._objective.given_up
-    assert resumed._objective.given_up
-    assert "medium none" in resumed.summary().used
-
-
 @pytest.mark.parametrize(("case", "said"), [("one view", "cannot separate"), ("all outliers", "residuals hold")])
 def test_views_that_cannot_tell_rain_from_scene_are_said(tmp_path, case, said, caplog):
     scene = photographed(tmp_path, n_views=8)
@@ -149,25 +135,6 @@ def test_views_that_cannot_tell_rain_from_scene_are_said(tmp_path, case, said, c
     with caplog.at_level(logging.INFO):
         fitted(Nimbus, BRIEF, scene, tmp_path / "run")
     assert said in caplog.text
-
-
-def test_views_that_validate_are_seen_through_the_medium(tmp_path, monkeypatch):
-    """Their depth is rendered as well, though nothing is learned from them."""
-    early = replace(BRIEF.splatting, early_stop=EarlyStop(views=1, every=8))
-    scene, seen = photographed(tmp_path, n_views=6), []
-    through = NimbusObjective._behind
-
-    def noted(objective, image, view, extinction):
-        if not torch.is_grad_enabled():
-            seen.append(view)
-        return through(objective, image, view, extinction)
-
-    monkeypatch.setattr(NimbusObjective, "_behind", noted)
-    method = fitted(Nimbus, replace(BRIEF, splatting=early), scene, tmp_path / "run")
-    validating = validation_views(len(scene.train_views), 1)[0]
-    assert seen == [validating] * 2
-    assert len(method._trained.residuals) == 2
-    assert validating in method._objective._depths
 
 
 def test_pixels_of_the_residual_pull_at_nothing():

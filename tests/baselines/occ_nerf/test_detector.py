@@ -57,11 +57,3 @@ def test_it_learns_to_tell_large_gaps():
         optimiser.zero_grad()
         correlation_loss(m, gap, 0.2, torch.ones(256)).backward()
         optimiser.step()
-
-
-def test_what_it_is_given_gets_no_gradient():
-    weights, near, behind = (torch.rand(3, 8, requires_grad=True), *torch.rand(2, 3).requires_grad_())
-    detector = Detector(8, torch.Generator().manual_seed(0))
-    detector(weights, near, behind).sum().backward()
-    assert weights.grad is None
-    assert all(parameter.grad is not None for parameter in detector.parameters())

@@ -153,10 +153,6 @@ def test_three_hundred_saturated_layers_show_the_first_before_the_background(tur
     assert learning(gradients) == [nearest]
 
 
-def test_two_saturated_layers_are_the_same_in_both_precisions():
-    assert_same(layers(0.999).select(np.arange(2)), AHEAD, gradient_error=1e-4)
-
-
 @pytest.mark.parametrize("value", [0.0, 1e-40, -1e-40, 1e-45])
 def test_a_quaternion_of_no_length_is_no_rotation(value):
     gaussians = first(quaternions=value)

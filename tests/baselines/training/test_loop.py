@@ -309,17 +309,6 @@ def test_a_learning_curve_whose_losses_change_goes_on_over_sessions(tmp_path, mo
     assert [row | {"seconds": ""} for row in rows] == [row | {"seconds": ""} for row in expected]
 
 
-@pytest.mark.parametrize("columns", [[], ["step", "seconds", "loss", "numbers"]])
-def test_a_learning_curve_of_an_older_checkpoint_goes_on(tmp_path, columns):
-    path, rows = tmp_path / CHECKPOINT, [[3, 1.0, 1.0, 3]] if columns else []
-    curve = {"columns": columns, "rows": rows, "sums": {"loss": 7.0, "numbers": 5}, "steps": 2}
-    state = {"iteration": 5, "seconds": 1.0, "sums": {"total": np.zeros(1)}, "learning curve": curve}
-    save_checkpoint(path, state, {})
-    loop.run(Counting(250, {5: 5.0}), path, {}, 1e9)
-    row = learning_curve(tmp_path)[len(rows)]
-    assert (row["step"], row["loss"], row["numbers"]) == ("6", "4", "6")
-
-
 class Watching(Counting):
     """Notes how many threads numpy's products have in each step."""
 

@@ -96,20 +96,3 @@ def test_fourier_features_tell_positions_apart():
     moved = replace(cloud(5), origin=np.array([7.0, 0, 0]))
     centred = WildAppearance(1, Bounds(np.array([7.0, 0, 0]), 1.5), 9, LIVELY, 0)
     assert np.allclose(centred.features(moved), appearance().features(cloud(5)), atol=1e-6)
-
-
-def test_steps_survive_a_checkpoint_and_rates_fall():
-    def step(model, iteration):
-        for parameter in model.parameters():
-            parameter.grad = torch.full_like(parameter, 0.1)
-        model.learn(iteration)
-
-    one, other = appearance(), appearance(seed=1)
-    step(one, 0)
-    other.load_training_state(one.training_state())
-    for model in (one, other):
-        step(model, 1)
-    assert all(np.array_equal(value, other.training_state()[name]) for name, value in one.training_state().items())
-    assert not any(parameter.grad is not None and parameter.grad.any() for parameter in one.parameters())
-    falling = appearance(config=AppearanceConfig(final=0.01))
-    assert falling.feature_rate(50) == pytest.approx(0.1 * falling.feature_rate(0))

@@ -12,10 +12,8 @@ import baselines.wild_gaussians.method as wild
 from baselines.gaussian_splatting import GaussianSplatting
 from baselines.masking.uncertainty import UncertaintyConfig
 from baselines.splatting.config import TrainerConfig
-from baselines.splatting.files.ply import read_ply
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.objective import Objective
-from baselines.splatting.rasterizer import render
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.wild_gaussians.appearance import AppearanceConfig
 from baselines.wild_gaussians.method import WildConfig, WildGaussians
@@ -83,21 +81,6 @@ def test_something_in_the_way_in_a_third_of_the_views_is_left_out(tmp_path, monk
     told = fitted(replace(off, uncertainty=taught), occluded, tmp_path / "on")
     assert psnr(told, scene.test_views) > without + 0.8
     assert_found(told, occluded, scene)
-
-
-def test_a_model_that_was_saved_shows_the_same_pixels(tmp_path):
-    scene = photographed(tmp_path, n_views=8)
-    method, camera = fitted(BRIEF, scene, tmp_path / "run"), scene.test_views[0].camera
-    method.save(tmp_path / "run")
-    again = WildGaussians.load(BRIEF, 0, tmp_path / "run")
-    assert np.array_equal(method.render(camera), again.render(camera))
-    shown = render(read_ply(tmp_path / "run" / "splats.ply"), camera, near=method._trained.near)[0]
-    assert np.abs(shown.clip(0, 1) - method.render(camera)).max() < 1e-5
-    used = again.summary().used
-    assert used == method.summary().used
-    assert "alexnet, 0.0% of the pixels masked" in used  # the training ends before it would start
-    assert "for the sky" in used
-    assert method.summary().n_primitives == len(method._trained.gaussians)
 
 
 def test_the_loss_is_l1_of_the_toned_look_and_ssim_of_the_plain_one(tmp_path):

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 import torch
 from splats import camera, cloud
 
@@ -74,16 +73,6 @@ def test_what_lies_beyond_the_box_shares_one_local_code():
     assert torch.equal(colours.codes(whole, None, positions)[:, SEEING.code :], colours.outside.expand(4, -1))
 
 
-@pytest.mark.parametrize("box", [1.0, 0.5])
-def test_the_box_is_laid_over_nearly_all_points(box):
-    colours = appearance_of(replace(SEEING, box=box)).colours
-    points = np.random.default_rng(0).uniform(-3, 3, (10_000, 3)).astype(np.float32) + np.float32(5)
-    points[:50] *= 1000  # strays
-    colours.enclose(points)
-    assert torch.allclose(colours.middle, torch.full((3,), 5.0), atol=0.1)
-    assert torch.allclose(colours.reach, torch.full((3,), 3 * box), atol=0.1)
-
-
 def test_gradients_reach_the_gaussians_colours_and_numbers_every_network_and_no_position():
     appearance = restless(appearance_of())
     found = shown(appearance)
@@ -128,26 +117,6 @@ def test_what_is_masked_or_hidden_is_not_lifted():
     assert points(nothing) == 0
     assert 0 < points(half) < everything
     assert 0 < points(all_seen, [ignored, None]) < everything
-
-
-def test_depths_are_kept_for_some_steps_and_rendered_anew():
-    appearance, near, far = appearance_of(replace(SEEING, renewed=3)), opaque(), opaque()
-    near = replace(near, means=near.means * np.float32(0.5))
-
-    def depth_of(gaussians, step):
-        appearance._steps = step
-        shown(appearance, gaussians)
-        return appearance._depths[0]
-
-    first = depth_of(far, 0)
-    assert depth_of(near, 0) is first
-    assert depth_of(near, 2) is first
-    renewed = depth_of(near, 3)
-    assert renewed[0] == 3
-    assert not np.array_equal(renewed[1], first[1], equal_nan=True)
-    with torch.no_grad():
-        shown(appearance, far, view=1)
-    assert list(appearance._depths) == [0]  # nothing is kept where nothing is learned
 
 
 def test_the_mask_learns_at_the_price_of_the_step():

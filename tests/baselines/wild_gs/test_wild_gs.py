@@ -20,7 +20,6 @@ from baselines.splatting.appearance.gaussians import gaussians_in_view
 from baselines.splatting.files.ply import SPLATS, read_ply
 from baselines.splatting.kernels.splats.sh_coefficients import C0
 from baselines.splatting.rasterizer import render
-from baselines.splatting.strategies.pruning import contributions
 from baselines.wild_gs.config import SHORT
 from baselines.wild_gs.mean_look import mean_look
 from baselines.wild_gs.method import WildGS, WildGSConfig
@@ -136,22 +135,3 @@ def test_the_mean_look_is_that_of_the_views_where_they_agree(alike, monkeypatch)
     assert np.allclose(mean.sh[rows], own.sh, atol=1e-5)
     assert np.abs(mean.sh - gaussians.sh).max() > 0.05
     assert mean.features is None
-
-
-def test_the_mean_is_taken_before_the_networks_of_codes_and_by_pixels(alike, monkeypatch):
-    appearance, gaussians, cameras = alike
-    codes = []
-    monkeypatch.setattr(
-        appearance, "read", lambda view, _, seen, __: torch.full((len(seen["means"]), BRIEF.channels), float(view))
-    )
-    monkeypatch.setattr(appearance, "encode", lambda view: (torch.full((64,), float(view)), torch.ones(4, 4)))
-    understood = appearance.colours.codes
-    monkeypatch.setattr(appearance.colours, "codes", lambda *given: codes.append(given) or understood(*given))
-    mean_look(gaussians, appearance, cameras, 0.1, False)
-    whole, places, _ = codes[0]
-    pixels = np.stack([contributions(gaussians.bare(), [camera], 0.1, False) for camera in cameras])
-    expected = (np.arange(len(cameras))[:, None] * pixels).sum(axis=0) / pixels.sum(axis=0).clip(1e-9)
-    seen = pixels.sum(axis=0) > 1
-    assert seen.sum() > 40
-    assert torch.allclose(whole, torch.full((64,), np.arange(len(cameras)).mean()))
-    assert np.allclose(places[:, 0].numpy()[seen], expected[seen], atol=1e-3)

@@ -175,15 +175,6 @@ def test_a_loss_that_says_nothing_teaches_nothing(value):
     assert all(array.tobytes() == before[name].tobytes() for name, array in masks.state_dict().items())
 
 
-def test_broken_pixels_do_not_spoil_the_network():
-    pictures, drops = drop_pictures(0)
-    broken = losses(drops)
-    broken[:, 5, 6:9], broken[:, 7, 7] = np.nan, np.inf
-    masks = taught(pictures, broken, lessons=3)
-    assert np.isfinite(masks.mask(0, (HEIGHT, WIDTH))).all()
-    assert all(np.isfinite(value).all() for value in masks.state_dict().values())
-
-
 def test_settings_are_told_and_checked():
     pictures, _ = drop_pictures(0)
     about = OcclusionMasks(TrainingImages(list(pictures)), 1000, 7).settings()

@@ -124,13 +124,6 @@ def test_on_a_gpu_there_is_no_telling_where_trainings_differ(case):
     assert "trains on a card" in reason
 
 
-@pytest.mark.usefixtures("trained_here")
-def test_on_a_gpu_a_training_that_goes_on_otherwise_is_not_a_failed_one(case):
-    outcome = try_check(case("OnACard"), INTERRUPTED[0], CHECKS[INTERRUPTED[0]])
-    assert outcome.result == Result.NOT_TESTABLE
-    assert "ends with other pixels" in outcome.reason
-
-
 @pytest.fixture
 def only(monkeypatch):
     """Lets `check` make some checks alone, in a process that can import the toys."""

@@ -7,10 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from paired import NAMES, name_cameras, paired_capture
-from synthetic import capture_in
 
-from baselines.gaussian_splatting import GaussianSplatting
-from baselines.splatting.config import TrainerConfig
 from hydroviews import metrics
 from hydroviews.dataset.card.contact_sheet import write_sheets
 from hydroviews.dataset.checks.verify import verify
@@ -19,7 +16,6 @@ from hydroviews.dataset.variants import has_ceiling, open_clean, open_variant
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.formats.capture_json import CAPTURED
-from hydroviews.formats.writers import write_colmap
 from hydroviews.profiles import find_profile
 from hydroviews.scene.images import read_image
 from leaderboard.evaluate import EvaluateRequest, evaluate, outcome
@@ -27,9 +23,7 @@ from leaderboard.runs.run import Run, claim_folder
 from leaderboard.runs.train_and_render import train_and_render
 from leaderboard.scoring.score import score
 from leaderboard.tables import rain_losses as severity
-from leaderboard.viewer.comparison import list_shots
 
-STEPS = 20
 PARTS = [0, 1, 2, 3, 4, 5], [6, 7, 8]  # clutter and extra
 
 
@@ -145,26 +139,3 @@ def trained(data: Path, pattern: str, results: Path, method: str = "3dgs", scene
     with one.lent() as (lent, _):
         train_and_render(lent)
     return one, score(one)
-
-
-def test_photographs_of_a_built_variant_give_the_scores_of_that_variant(tmp_path, monkeypatch):
-    monkeypatch.setattr(GaussianSplatting, "configuration", lambda _: TrainerConfig(iterations=STEPS, device="cpu"))
-    capture = tmp_path / "yard"
-    write_colmap(capture_in(capture), capture / "sparse" / "0")
-    demo = find_profile("demo")
-    ordinary = build_source(str(capture), tmp_path / "ordinary" / "demo", demo, patterns=["streak-1"])
-    pair = tmp_path / "pair" / "yard"
-    shutil.copytree(ordinary / "sparse", pair / "sparse")
-    shutil.copytree(ordinary / "clean", pair / "clean")
-    shutil.copytree(ordinary / "streak-1" / "images", pair / "rainy")
-    paired = build_source(str(pair), tmp_path / "paired" / "demo", demo)
-    assert verify(paired.parent) == []
-    one, first = trained(tmp_path / "ordinary", "streak-1", tmp_path / "results-1")
-    two, second = trained(tmp_path / "paired", CAPTURED, tmp_path / "results-2")
-    assert first.scores == second.scores
-    assert first.scores["psnr"] > 5
-    renders = [read_image(run.folder / "renders" / "view-08.png") for run in (one, two)]
-    assert np.array_equal(*renders)
-    shots = list_shots(two)
-    assert [shot.scored for shot in shots if shot.held_out] == [True, True]
-    assert {shot.view.path.parent.name for shot in shots if shot.held_out} == {"clean"}

@@ -12,7 +12,6 @@ from hydroviews.captures.sfm.mapping import TooFewRegistered
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import open_clean
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import read_json
 from hydroviews.formats.read import read_scene
 from hydroviews.formats.writers import write_colmap
 from hydroviews.profiles import find_profile
@@ -149,16 +148,6 @@ def test_cameras_that_cannot_be_aligned_are_a_failed_row(built, monkeypatch):
     assert record.status == "failed"
     assert "in one place" in record.reason
     assert (record.registered, record.rotation_error) == (7, None)
-
-
-def test_other_data_are_estimated_anew(built, monkeypatch):
-    calls = pretend(built, monkeypatch, registered=7)
-    run = run_of(built)
-    run.estimate()
-    scene = run.given_scene()
-    estimated_cameras.estimate_cameras(run.cameras, scene, 0, "of other data", rainy=True)
-    assert len(calls) == 2
-    assert read_json(run.cameras / "settings.json")["data_sha256"] == "of other data"
 
 
 def test_photographs_of_a_flower_in_rain(tmp_path):

@@ -88,15 +88,6 @@ def test_what_is_lent_is_the_scene_without_what_is_held_back(place, track):
     assert not lent.data.exists()
 
 
-@pytest.mark.usefixtures("trained_here")
-def test_what_a_killed_run_was_lent_goes_with_the_next(place):
-    left = run_of(place).folder / ".partial-host-0123456789ab-data"
-    (left / "yard").mkdir(parents=True)
-    (run_of(place).folder / "record.json").unlink()
-    assert evaluate(EvaluateRequest("toy_methods:MeanColour", **place))[-1].status == "done"
-    assert not left.exists()
-
-
 def test_depth_and_masks_are_lent_of_training_views_alone(tmp_path):
     capture = tmp_path / "capture" / "yard"
     scene = capture_in(capture)

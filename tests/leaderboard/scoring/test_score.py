@@ -3,7 +3,6 @@
 import threading
 from dataclasses import replace
 
-import cv2
 import numpy as np
 import pytest
 from synthetic import capture_in
@@ -11,7 +10,6 @@ from synthetic import capture_in
 from hydroviews import metrics
 from hydroviews.cli import threads
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import write_bytes
 from hydroviews.scene.images import read_image, write_png
 from leaderboard.scoring import score
 from leaderboard.scoring.score import score_views
@@ -99,19 +97,3 @@ def test_a_render_of_another_size_is_refused(rendered):
     write_png(renders / f"{views[3].name}.png", np.zeros((10, 12, 3), np.float32))
     with pytest.raises(InputError, match=r"not as renders are[\s\S]*12x10[\s\S]*48x36"):
         score_views(renders, views, {})
-
-
-@pytest.mark.parametrize(
-    ("pixels", "found"),
-    [
-        (np.full((36, 48, 3), 30_000, np.uint16), "16 bits, 3 channels"),
-        (np.full((36, 48, 4), 128, np.uint8), "8 bits, 4 channels"),
-    ],
-)
-def test_a_render_of_16_bits_or_with_alpha_is_refused(rendered, pixels, found):
-    views, renders = rendered
-    write_bytes(renders / f"{views[3].name}.png", cv2.imencode(".png", pixels)[1].tobytes())
-    with pytest.raises(score.UnusableRun) as refused:
-        score_views(renders, views, {})
-    assert f"found: {found}, 48x36 pixels\n  expected: 8 bits, 3 channels, 48x36 pixels" in str(refused.value)
-    assert score.AGAIN in str(refused.value)

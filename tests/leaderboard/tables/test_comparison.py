@@ -202,15 +202,6 @@ def test_runs_on_the_same_data_with_other_views_are_refused(change):
         compare(runs, views, "psnr")
 
 
-def test_what_was_submitted_stands_apart_from_a_method_of_the_same_name():
-    runs, views = board(methods={"a": 1.0})
-    theirs = [table.assign(submitted_by="Ada") for table in (runs, views)]
-    found = compare(*(pd.concat(pair) for pair in zip((runs, views), theirs, strict=True)), "psnr")
-    assert set(found.methods.method) == {"a", "a (submitted)"}
-    assert np.isinf(found.seeds)
-    assert "The first two are equal" in in_words(found, "")
-
-
 @pytest.mark.parametrize(
     ("metric", "methods", "message"),
     [("psnrr", (), "did you mean psnr"), ("psnr", ["nerf"], "no such method"), ("ssim", (), "no run that all")],

@@ -227,18 +227,6 @@ def test_published_numbers_stand_beside_ours_in_latex_and_csv(written):
     }
 
 
-def test_a_failure_that_the_paper_reports_is_marked(tmp_path):
-    table = board()
-    names = {"3dgs": "gs-w", "mipnerf360_bonsai": "mipnerf360_kitchen"}
-    write_tables(table.replace({"method": names, "scene": names}), tmp_path)
-    text = (tmp_path / "tables.tex").read_text()
-    [line] = [line for line in text.splitlines() if line.startswith(r"streak & mipnerf360\_kitchen (paper)")]
-    failed = published_scores("mipnerf360_kitchen", "streak").loc["gs-w"]
-    assert rf"\underline{{{failed.psnr:.2f}}}" in line
-    found = pd.read_csv(tmp_path / "tables.csv").set_index(["scene", "effect", "method"])
-    assert found.paper_failed["mipnerf360_kitchen", "streak", "gs-w"] is True
-
-
 def test_the_ablation_as_csv_agrees_with_pandas(written):
     table, found = board(), dict(iter(pd.read_csv(written / "ablation.csv").groupby("suite")))
     for suite, scenes in (("test", ["room", "pond"]), ("development", ["mipnerf360_bonsai"])):
@@ -246,13 +234,6 @@ def test_the_ablation_as_csv_agrees_with_pandas(written):
         assert list(found[suite].method) == ["3dgs", "deraings"]
         agree(found[suite], rows, [*METRICS, *COSTS])
         assert list(found[suite].paper_psnr) == [17.56, 24.67]
-
-
-def test_one_method_alone_is_no_ablation(tmp_path):
-    table = board()
-    write_tables(table[table.method != "deraings"], tmp_path)
-    assert "blation" not in (tmp_path / "tables.md").read_text() + (tmp_path / "tables.tex").read_text()
-    assert pd.read_csv(tmp_path / "ablation.csv").empty
 
 
 def test_the_latex_marks_best_second_and_missing_and_names_are_escaped(written):

@@ -5,7 +5,6 @@ import socket
 import sys
 from contextlib import contextmanager
 from pathlib import Path
-from types import SimpleNamespace
 from urllib.request import urlopen
 
 import numpy as np
@@ -133,21 +132,6 @@ class TestServer:
             assert f"{compare(load_method(run), list_shots(run)[-1]).score:.2f} dB" in viewer.figures.content
             clicks[f"/{TRAINING}/view-03"](None)
             assert "was trained on this photograph" in viewer.figures.content
-
-    def test_windows_fly_to_the_chosen_camera(self, viser, run, monkeypatch):
-        camera = SimpleNamespace(wxyz=np.array([1.0, 0, 0, 0]), position=np.zeros(3), fov=1.0, aspect=0.5, look_at=None)
-        window = SimpleNamespace(camera=camera, atomic=viser.ViserServer.atomic, flush=lambda: None)
-        with viewing(run) as viewer:
-            window.atomic = viewer.server.atomic
-            monkeypatch.setattr(viewer.server, "get_clients", lambda: {0: window})
-            viewer.chooser.value = "view-04"
-            target = list_shots(run)[3].view
-            assert target.name == "view-04"
-            wxyz, position = pose(target.camera, viewer.normalisation)
-            assert np.allclose(camera.position, position)
-            assert abs(camera.wxyz @ wxyz) == pytest.approx(1)
-            assert camera.fov == pytest.approx(window_fov(target.camera, 0.5))
-            assert np.allclose(camera.look_at - position, SIZE * target.camera.rotation[2])
 
     def test_a_method_without_gaussians_still_shows_cameras_and_renders(self, viser, tmp_path):
         grey = finished_run(tmp_path, "Grey")

@@ -58,11 +58,6 @@ def test_a_start_is_filled_up_from_the_seed():
     assert one.log_scales[:150].mean() < plain.log_scales.mean()
 
 
-def test_enough_points_stay_as_they_are():
-    enough, plain = (initialise(cloud_of(150), CAMERAS, 1, 0, fewest).state_dict() for fewest in (150, 0))
-    assert all(np.array_equal(enough[name], value) for name, value in plain.items())
-
-
 def in_octants(positions):
     """How many of the points are in each eighth of the cube."""
     return np.bincount((positions > 0) @ [1, 2, 4], minlength=8)
