@@ -9,7 +9,7 @@ import pytest
 from in_the_way import KINDS, not_for_ever, swap
 
 from hydroviews.errors import InputError
-from leaderboard.evaluate import EvaluateRequest, evaluate
+from leaderboard.evaluate import evaluate
 from leaderboard.gather import collect, write_leaderboard
 from leaderboard.records import LONGEST, columns, printable
 from leaderboard.tables.rain_losses import record_losses
@@ -137,16 +137,9 @@ def test_a_run_that_was_moved_is_a_row_and_a_copy_beside_it_is_told(results, cap
 
 
 @pytest.fixture
-def again(evaluated_once, tmp_path):
+def again(request_of):
     """Evaluates once more; the record."""
-    request = EvaluateRequest(
-        "toy_methods:MeanColour",
-        str(evaluated_once[0] / "yard"),
-        patterns=("streak-0",),
-        data=tmp_path / "data",
-        results=tmp_path / "results",
-    )
-    return lambda: evaluate(request)[-1]
+    return lambda: evaluate(request_of())[-1]
 
 
 @pytest.mark.parametrize("content", ['{"psnr"', '{"psnr": 99}', None])

@@ -13,7 +13,7 @@ from baselines.training import loop
 from hydroviews import metrics
 from hydroviews.errors import InputError
 from leaderboard import gather
-from leaderboard.evaluate import EvaluateRequest, evaluate
+from leaderboard.evaluate import evaluate
 from leaderboard.gather import write_leaderboard
 from leaderboard.records import SCHEMA, read_record, write_record
 from leaderboard.runs import sessions
@@ -37,24 +37,21 @@ def test_a_record_of_before_is_read_and_a_metric_that_it_lacks_makes_it_partial(
 
 
 @pytest.mark.usefixtures("toys", "trained_here")
-def test_a_metric_that_could_not_be_had_is_completed_by_the_next_evaluation(evaluated, evaluated_once, tmp_path):
+def test_a_metric_that_could_not_be_had_is_completed_by_the_next_evaluation(evaluated, request_of, tmp_path):
     def offline(image, target, ignored):
         raise InputError("no weights", fix="go online")
 
-    where = {"data": tmp_path / "data", "results": tmp_path / "results", "patterns": ("streak-0",)}
-    request = EvaluateRequest("toy_methods:MeanColour", str(evaluated_once[0] / "yard"), **where)
-    record = tmp_path / "results" / RUN / "record.json"
-    record.unlink()
+    (tmp_path / "results" / RUN / "record.json").unlink()
     with pytest.MonkeyPatch.context() as network:
         broken = (*metrics.METRICS[:3], replace(metrics.METRICS[3], function=offline))
         network.setattr(score, "find_metrics", lambda: broken)
-        partial = evaluate(request)[-1]
+        partial = evaluate(request_of())[-1]
     assert (partial.status, partial.reason) == ("partial", "lpips_vgg: no weights")
     table = pd.read_csv(tmp_path / "results" / "leaderboard.csv")
     assert list(table.status) == ["done", "partial"]
     assert table.psnr[1] == evaluated.scores["psnr"]
     assert pd.isna(table.lpips_vgg[1])
-    assert evaluate(request)[-1] == evaluated
+    assert evaluate(request_of())[-1] == evaluated
 
 
 def test_every_start_of_a_training_is_noted_with_its_code_and_its_data(tmp_path, monkeypatch):

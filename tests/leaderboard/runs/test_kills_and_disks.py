@@ -6,14 +6,12 @@ Without `KILLS`, a toy shows that the test detects a command that resumes wrongl
 
 import multiprocessing
 import os
-import shutil
 from pathlib import Path
 
 import kills as killing
 import pytest
-from kills import Stage, disks, files_below, fresh, kills, stages, undisturbed
+from kills import Stage, files_below, fresh, kills, stages, undisturbed
 
-from hydroviews.errors import InputError
 from hydroviews.formats.writers import MODEL, write_colmap
 from leaderboard.contract.toy_scene import draw_room
 
@@ -56,18 +54,6 @@ def test_kills(stage, tmp_path, how, end):
     assert 0.3 < alone.writing <= alone.seconds
     row = kills(stage(how), tmp_path / "trial", alone, 2, seed=0)
     assert (row["kills"], row[end]) == (2, 2)
-
-
-@pytest.mark.parametrize(("how", "told"), [("right", "yes"), ("wrong", "no")])
-def test_small_disks(stage, tmp_path, how, told):
-    alone = undisturbed(stage(how), tmp_path / "whole")
-    shutil.copytree(tmp_path / "whole", tmp_path / "trial")
-    try:
-        (row,) = disks(stage(how), tmp_path / "trial", alone, 1)
-    except InputError as error:
-        pytest.skip(str(error))
-    assert row["told plainly"] == told
-    assert row["then"] == "same bytes"
 
 
 @pytest.mark.skipif(not KILLS, reason="KILLS=10 kills real commands ten times each")

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from hydroviews.errors import InputError
-from leaderboard.evaluate import EvaluateRequest, evaluate
+from leaderboard.evaluate import evaluate
 
 pytestmark = pytest.mark.usefixtures("toys", "evaluated")
 HOUR = 3600
@@ -14,13 +14,11 @@ LEFTOVERS = 8  # of `LeavesInTheWay`; the last takes the run's folder itself awa
 
 
 @pytest.fixture
-def row_of(evaluated_once, tmp_path):
+def row_of(request_of, tmp_path):
     """Evaluates a toy method; its row. The rows of the others are as they were."""
 
     def row(method: str, **limits) -> pd.Series:
-        where = {"data": tmp_path / "data", "results": tmp_path / "results"}
-        scene = str(evaluated_once[0] / "yard")
-        evaluate(EvaluateRequest(f"toy_methods:{method}", scene, patterns=("streak-0",), **where, **limits))
+        evaluate(request_of(method, **limits))
         table = pd.read_csv(tmp_path / "results" / "leaderboard.csv").set_index("method")
         assert list(table.status.drop(f"toy_methods:{method}")) == ["done", "done"]
         return table.loc[f"toy_methods:{method}"]
@@ -48,13 +46,9 @@ def test_it_fails_alone(row_of, method, reason):
 
 @pytest.mark.parametrize("seed", range(LEFTOVERS))
 @pytest.mark.usefixtures("trained_here")
-def test_it_fails_alone_where_it_leaves_something_in_the_way_of_its_run(evaluated_once, tmp_path, seed):
-    where = {"data": tmp_path / "data", "results": tmp_path / "results"}
-    request = EvaluateRequest(
-        "toy_methods:LeavesInTheWay", str(evaluated_once[0] / "yard"), seed=seed, patterns=("streak-0",), **where
-    )
+def test_it_fails_alone_where_it_leaves_something_in_the_way_of_its_run(request_of, tmp_path, seed):
     for _ in range(2):  # and so it does the next time
-        record = evaluate(request)[-1]
+        record = evaluate(request_of("LeavesInTheWay", seed=seed))[-1]
         assert record.status == "failed"
         assert "left something of its own where its run writes" in record.reason or seed == LEFTOVERS - 1
     table = pd.read_csv(tmp_path / "results" / "leaderboard.csv")
