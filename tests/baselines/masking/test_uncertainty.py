@@ -87,24 +87,6 @@ def test_lessons_wait_after_opacities_were_reset():
     assert not any(model(growth=MCMCStrategy()).is_protected(i) for i in range(300))
 
 
-def test_dropout_is_of_the_seed_and_the_iteration():
-    def lesson(seed, iteration, restored=None):
-        taught = model(seed=seed)
-        if restored:
-            taught.load_state_dict(restored)
-        taught.learn(np.full((32, 48, 3), 0.3, np.float32), 0, iteration)
-        return taught.state_dict()
-
-    one, same = lesson(0, 7), lesson(0, 7)
-    assert all(np.array_equal(value, same[name]) for name, value in one.items())
-    assert not np.array_equal(one["exp_avg.weight"], lesson(0, 8)["exp_avg.weight"])
-    assert not np.array_equal(one["exp_avg.weight"], lesson(1, 7)["exp_avg.weight"])
-    again, third = lesson(0, 8, one), lesson(3, 8, one)
-    assert again["step.weight"] == 2
-    assert not np.array_equal(again["network.weight"], third["network.weight"])  # another seed's dropout
-    assert ((model()._dropped(5) == 0) | (model()._dropped(5) == 2)).all()
-
-
 def test_a_view_that_is_wholly_hidden_teaches_nothing():
     """Black beside black would be alike, and certain."""
     images = photographs()

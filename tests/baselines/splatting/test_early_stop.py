@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from trainings import CONFIG, assert_identical, crashed_and_resumed
 
-from baselines.gaussian_splatting import GaussianSplatting
 from baselines.splatting.config import EarlyStop
 from baselines.splatting.objective import Objective
 from baselines.splatting.rasterizer import render
@@ -71,12 +70,3 @@ def test_a_crash_leaves_no_trace(scene, stopped, tmp_path, iteration):
     again = train(scene, config, 0, tmp_path / "run")  # it has stopped, and stays so
     assert_identical(stopped, again)
     assert again.iterations == stopped.iterations
-
-
-def test_the_model_says_where_training_stopped(scene, tmp_path):
-    method = GaussianSplatting(STOPPING, 0)
-    method.fit(scene, tmp_path)
-    method.save(tmp_path)
-    loaded = GaussianSplatting.load(STOPPING, 0, tmp_path)._trained
-    assert loaded.iterations == method._trained.iterations < 1500
-    assert loaded.residuals == method._trained.residuals

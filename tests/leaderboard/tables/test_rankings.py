@@ -95,12 +95,3 @@ def test_medium_rain_comes_first_and_then_what_most_ran_under():
     runs = [floor(pattern=name) for name in ("raindrop-0", "haze-1", "streak-1")]
     found = rankings(table(*runs, above("ours", ALL, pattern="streak-1")))
     assert [one.title for one in found] == ["streak, medium", "haze, medium", "raindrop, light"]
-
-
-def test_a_number_that_a_run_lacks_is_missing():
-    rows = table(floor(), above("ours", ALL))
-    rows.loc[(rows.method == "ours") & (rows.scene == "pond"), ["ssim", "train_s"]] = None
-    one = by_name(rankings(rows)[0])["ours"]
-    assert math.isnan(one.scores["ssim"])
-    assert math.isnan(one.seconds)
-    assert one.rank == 1

@@ -5,7 +5,6 @@ import pandas as pd
 import pytest
 from made_up_board import write_board as make_runs
 
-from leaderboard.__main__ import compare_command
 from leaderboard.gather import collect, collect_views, write_leaderboard
 from leaderboard.publishing.board_pages import comparisons_text
 from leaderboard.site.write import write_site
@@ -75,16 +74,6 @@ def test_comparisons_rank_all_methods_among_themselves(results):
     assert second.count(" 1/1 |") == 3
     assert "Means over the 1 runs that all of them have, on 1 scene, 2 views." in second
     assert text.count(SHARED) == 4  # metrics
-
-
-def test_the_command_compares_all_methods_a_second_time(results, capsys):
-    compare_command(results=results)
-    first, second = capsys.readouterr().out.split(SHARED)
-    assert "Not compared, since fewer than half of the runs are shared: few." in first
-    assert f"({SHARED_RUNS})" in second
-    assert "few" in second.split("better")[0]
-    compare_command(("3dgs", "few"), results=results)
-    assert SHARED not in capsys.readouterr().out
 
 
 def test_where_all_are_compared_or_nothing_more_is_shared_there_is_one_block(results):

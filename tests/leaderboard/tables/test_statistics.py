@@ -67,11 +67,6 @@ def test_means_weigh_scenes_patterns_seeds_and_views_alike():
     assert estimate([first, second]).mean[0] == pytest.approx((9.5 + 100) / 2)
 
 
-def test_draws_keep_every_pattern():
-    scene = SceneScores(np.repeat([0.0, 10.0], 3).reshape(2, 3, 1), np.array([0, 1]))
-    assert np.allclose(scene.draw(50, np.random.default_rng(0)), 5)
-
-
 def test_the_interval_over_scenes_is_students():
     rng = np.random.default_rng(3)
     values = rng.normal(20, 3, 6)

@@ -3,7 +3,7 @@ import pytest
 
 from hydroviews.metrics import find_metrics
 from leaderboard.records import columns
-from leaderboard.tables.dataframes import cost_means, grade_of, scene_keys, scene_table, share_of_gap
+from leaderboard.tables.dataframes import cost_means, grade_of, scene_keys, scene_table
 from leaderboard.tables.markdown import to_markdown
 from leaderboard.tables.means import places, shared_runs
 
@@ -61,19 +61,6 @@ def test_the_gap_is_taken_on_the_runs_that_have_both_references():
     assert summary.loc["ours", "gap"] == pytest.approx(-0.25)
     assert pd.isna(summary.loc["theirs", "gap"])
     assert summary.loc["3dgs-clean", "gap"] == 1
-
-
-@pytest.mark.parametrize("lacking", ["3dgs", "3dgs-clean", "ours"])
-def test_no_share_is_told_of_runs_that_lack_a_score(lacking):
-    """Means of three methods over other runs would be of no gap at all."""
-    table = rows(
-        *((name, "streak", "done", psnr) for name, psnr in (("3dgs", 20.0), ("ours", 25.0))),
-        *((name, "streak", "done", psnr) for name, psnr in (("3dgs", 10.0), ("ours", 11.0))),
-        *[("3dgs-clean", "clean", "done", 30.0)] * 2,
-    )
-    assert share_of_gap(table, "ours") == pytest.approx((18 - 15) / (30 - 15))
-    table.loc[table.index[table.method == lacking][0], "psnr"] = float("nan")
-    assert pd.isna(share_of_gap(table, "ours"))
 
 
 def test_failed_runs_are_counted_and_left_out_of_the_mean():

@@ -84,13 +84,6 @@ def test_random_points_keep_to_the_budget_too():
     assert len(initialise(cloud_of(90), CAMERAS, 1, 0, budget=1_000)) == 600
 
 
-def test_a_training_of_a_large_cloud_keeps_to_its_budget(tmp_path):
-    scene = photographed(tmp_path, 3, 16, 12)
-    config = replace(CONFIG, iterations=2, strategy=replace(CONFIG.strategy, budget=200))
-    trained = train(replace(scene, points=cloud_of(2_000)), config, 0, tmp_path / "run")
-    assert 0 < len(trained.gaussians) <= 200
-
-
 def test_a_training_starts_with_a_share_of_its_budget_and_resumes_exactly(tmp_path):
     scene = photographed(tmp_path, 8, 50, 38)
     scene = replace(scene, points=cloud_of(120))
