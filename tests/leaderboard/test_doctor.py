@@ -74,6 +74,13 @@ def test_a_gpu_without_its_toolkit(monkeypatch, lacking, state, words):
     assert ("docs/install.md" in found.fix) == (lacking == "no CUDA toolkit")
 
 
+def test_what_is_downloaded_later(tmp_path):
+    assert [found.state for found in doctor.weights(tmp_path)] == [LATER, LATER]
+    for name in ("lpips-v0.1-alex", "xfeat-scm"):
+        (tmp_path / f"{name}.safetensors").touch()
+    assert [found.state for found in doctor.weights(tmp_path)] == [OK, OK]
+
+
 @pytest.mark.parametrize("state", [OK, LATER, MISSING])
 def test_only_what_is_needed_fails_the_command(monkeypatch, capsys, state):
     monkeypatch.setattr(doctor, "findings", lambda: iter([Finding("disk", state, "little", "free some")]))

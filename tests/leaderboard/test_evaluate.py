@@ -1,5 +1,6 @@
 import dataclasses
 import json
+import re
 import subprocess
 import sys
 import threading
@@ -13,6 +14,7 @@ import pandas as pd
 import pytest
 from processes import PATIENCE
 
+import hydroviews
 from hydroviews import metrics
 from hydroviews.errors import InputError
 from hydroviews.files.locks import BUSY, locked
@@ -65,6 +67,16 @@ def test_files_of_the_users_in_the_folders_of_runs_stay(request_of, run, evaluat
     evaluate(request_of("MeanColour", overwrite=True))
     assert json.loads((folder / "config.json").read_text()) == config
     assert [path.read_text() for path in (*mine[:2], tmp_path / "results/tables.md.kept")] == ["mine"] * 3
+
+
+def test_what_is_in_the_way_of_a_run_gets_another_name(request_of, run, trained_here):
+    for name in ("record.json", "prediction.json"):
+        (run.folder / name).unlink()
+    (run.folder / "record.json").mkdir()
+    (run.folder / "record.json" / "notes.txt").write_text("mine")
+    evaluate(request_of())
+    assert (run.folder / "record.json").is_file()
+    assert (run.folder / "record.json.kept" / "notes.txt").read_text() == "mine"
 
 
 def test_second_call_keeps_records_and_rescoring_gives_the_same(request_of, run, evaluated, tmp_path, caplog):
@@ -142,25 +154,36 @@ def test_the_version_is_that_of_the_code_that_trained(run, evaluated, monkeypatc
 def test_a_version_is_dirty_where_code_that_a_run_can_depend_on_was_changed(
     tmp_path, monkeypatch, name, dirty, tracked
 ):
-    checkout, path = tmp_path / "checkout", tmp_path / "checkout" / name
-
-    def git(*arguments):
-        who = ["-c", "user.name=n", "-c", "user.email=e"]
-        subprocess.run(["git", "-C", str(checkout), *who, *arguments], check=True, capture_output=True)
-
-    package = checkout / "hydroviews"
-    package.mkdir(parents=True)
+    package, path = tmp_path / "hydroviews", tmp_path / name
+    for folder in (package, path.parent):
+        folder.mkdir(parents=True, exist_ok=True)
     (package / "__init__.py").touch()
-    path.parent.mkdir(parents=True, exist_ok=True)
     if tracked:
         path.write_text("before")
-    git("init")
-    git("add", ".")
-    git("commit", "-m", "all")
+    commit(tmp_path)
     monkeypatch.setattr("leaderboard.records.hydroviews.__file__", str(package / "__init__.py"))
     assert not code_version().endswith("-dirty")
     path.write_text("after")
     assert code_version().endswith("-dirty") == dirty
+
+
+def commit(folder: Path) -> None:
+    """Everything below a folder, in a repository of its own."""
+    who = ["-c", "user.name=n", "-c", "user.email=e"]
+    for command in (["init"], ["add", "."], ["commit", "--allow-empty", "-m", "all"]):
+        subprocess.run(["git", "-C", str(folder), *who, *command], check=True, capture_output=True)
+
+
+def test_a_version_names_the_commit_of_our_own_checkout_alone(tmp_path, monkeypatch):
+    package = tmp_path / "theirs" / "site-packages" / "hydroviews"
+    package.mkdir(parents=True)
+    monkeypatch.setattr("leaderboard.records.hydroviews.__file__", str(package / "__init__.py"))
+    assert code_version() == hydroviews.__version__
+    commit(tmp_path / "theirs")  # in which somebody has installed us
+    assert code_version() == hydroviews.__version__
+    (package / "__init__.py").write_text("")
+    commit(package.parent)
+    assert re.fullmatch(re.escape(hydroviews.__version__) + r"\+[0-9a-f]{7,}", code_version())
 
 
 def test_scoring_takes_the_folders_that_evaluate_takes(run, evaluated, tmp_path, capsys):

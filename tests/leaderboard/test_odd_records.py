@@ -1,6 +1,7 @@
 """Records and predictions that were edited, cut or moved: a row with a reason, and never the end of a table."""
 
 import json
+import logging
 import shutil
 from pathlib import Path
 
@@ -9,8 +10,9 @@ import pytest
 from in_the_way import KINDS, not_for_ever, swap
 
 from hydroviews.errors import InputError
+from leaderboard.__main__ import table_command
 from leaderboard.evaluate import evaluate
-from leaderboard.gather import collect, write_leaderboard
+from leaderboard.gather import collect, collect_views, write_leaderboard
 from leaderboard.records import LONGEST, columns, printable
 from leaderboard.tables.rain_losses import record_losses
 
@@ -34,6 +36,14 @@ def row(results: Path) -> pd.Series:
     assert table.status[0] == "done"
     assert list(table.columns) == columns()
     return table.iloc[1]
+
+
+def test_a_run_that_is_removed_while_tables_are_written_is_left_out_of_the_views(results, caplog):
+    table = collect(results)
+    shutil.rmtree(results / RUN)  # as another process may, once its record has been read
+    views = collect_views(table, results)
+    assert set(views.method) == {"toy_methods:MeanColourClean"}
+    assert f"{RUN}: its views are not counted" in caplog.text
 
 
 @pytest.mark.parametrize(
@@ -178,11 +188,34 @@ def test_evaluated_again_an_odd_prediction_is_a_failed_row(results, again, conte
     assert "remove its prediction.json: the same command renders it again" in record.reason
 
 
+def test_a_render_that_is_damaged_is_a_failed_row_that_says_how_to_render_again(results, again, evaluated):
+    run = results / RUN
+    (run / "record.json").unlink()
+    (run / "renders" / "view-00.png").write_bytes(b"")
+    record = again()
+    assert record.status == "failed"
+    assert "view-00.png: not a render" in record.reason
+    (run / "prediction.json").unlink()
+    assert again().scores == evaluated.scores
+
+
 def test_settings_that_were_cut_are_refused_with_a_way_out(results, again, evaluated_once):
     config = results / RUN / "config.json"
     config.write_text(config.read_text()[:20])
     with pytest.raises(InputError, match=r"config.json: not valid JSON[\s\S]*add --overwrite"):
         again()
+
+
+def test_where_nothing_may_be_written_the_table_is_there(results, again, monkeypatch, capsys, caplog):
+    def refused(*_):
+        raise OSError(30, "Read-only file system")
+
+    monkeypatch.setattr("hydroviews.files.atomic.os.replace", refused)
+    assert again().status == "done"
+    assert "leaderboard.csv: cannot be written" in caplog.text
+    caplog.set_level(logging.ERROR)
+    table_command(results)
+    assert "| toy_methods:MeanColour |" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
+import numpy as np
 import pandas as pd
 import pytest
 from finished_runs import finished_run
@@ -12,6 +13,7 @@ from finished_runs import finished_run
 from baselines.training import loop
 from hydroviews import metrics
 from hydroviews.errors import InputError
+from hydroviews.scene.images import read_image, write_png
 from leaderboard import gather
 from leaderboard.evaluate import evaluate
 from leaderboard.gather import write_leaderboard
@@ -52,6 +54,18 @@ def test_a_metric_that_could_not_be_had_is_completed_by_the_next_evaluation(eval
     assert table.psnr[1] == evaluated.scores["psnr"]
     assert pd.isna(table.lpips_vgg[1])
     assert evaluate(request_of())[-1] == evaluated
+
+
+def test_what_was_scored_has_a_digest_that_tells_renders_apart(tmp_path):
+    run = finished_run(tmp_path)
+    record = score.score(run)
+    assert (record.status, len(record.renders_sha256)) == ("done", 64)
+    assert score.score(run) == record
+    render = run.folder / "renders" / "view-00.png"
+    image = read_image(render)
+    image[0, 0] = np.round(1 - image[0, 0])
+    write_png(render, image)
+    assert score.score(run).renders_sha256 != record.renders_sha256
 
 
 def test_every_start_of_a_training_is_noted_with_its_code_and_its_data(tmp_path, monkeypatch):

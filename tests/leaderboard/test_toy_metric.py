@@ -9,6 +9,7 @@ from made_up_board import write_board as write_runs
 from synthetic import capture_in
 
 from hydroviews.errors import InputError
+from hydroviews.files.atomic import write_json
 from hydroviews.formats.writers import write_colmap
 from hydroviews.metrics import find_metrics
 from hydroviews.scene.images import read_image
@@ -80,6 +81,26 @@ def test_runs_of_before_a_metric_was_registered_are_published_and_shown(tmp_path
     comparisons = (out / "comparisons.md").read_text()
     assert "given-poses: PSNR\n\n| rank | method |" in comparisons
     assert "given-poses: largest error\n\nno run that all methods have finished" in comparisons
+
+
+def test_a_record_outlives_a_metric_that_is_no_longer_registered(tmp_path, register):
+    written = {
+        "psnr": 20.0,
+        "largest_error": 0.5,
+        "method": "m",
+        "scene": "s",
+        "effect": "e",
+        "pattern": "p",
+        "seed": 0,
+    }
+    written |= {"track": "given-poses", "status": "done", "reason": "", "n_train": 1, "n_test": 1}
+    write_json(tmp_path / "record.json", {**written, "width": 1, "height": 1})
+    assert read_record(tmp_path / "record.json").scores == {"psnr": 20.0}
+    register("toy_metric:LARGEST_ERROR")
+    assert read_record(tmp_path / "record.json").scores == {"psnr": 20.0, "largest_error": 0.5}
+    write_json(tmp_path / "record.json", {**written, "width": 1, "height": 1, "colour": "red"})
+    with pytest.raises(InputError, match="not a record of this version"):
+        read_record(tmp_path / "record.json")
 
 
 @pytest.mark.parametrize(

@@ -139,6 +139,13 @@ class NothingLeft(MeanColour):
         return replace(super().summary(), n_primitives=0)
 
 
+class Rambles(MeanColour):
+    """An error as long as a book, with what is no character; and so is what it used."""
+
+    def fit(self, scene: Scene, folder: Path) -> None:
+        raise ValueError("\ud800\x1b[31m" + 1_000_000 * "x")
+
+
 class OddConfiguration(MeanColour):
     @classmethod
     def configuration(cls, profile: str) -> Config:

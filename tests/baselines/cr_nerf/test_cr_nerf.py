@@ -11,6 +11,7 @@ from field_rays import SPACE, batch, context, noise, rays, samples, shaded, stay
 from baselines.cr_nerf.config import CrNerfConfig, StyleConfig, TransformConfig, TransientConfig
 from baselines.cr_nerf.losses import cr_nerf_losses
 from baselines.cr_nerf.model import KEPT, CrNerfModel
+from baselines.cr_nerf.transients import read
 from baselines.training.images import TrainingImages
 from baselines.volumetric.compositing import INFINITE
 from baselines.volumetric.rays.photographs import as_seen
@@ -91,6 +92,15 @@ def test_everything_stays_finite_on_empty_saturated_and_identical_rays():
     stays_finite(model, Given, cr_nerf_losses(CONFIG), lambda made: made.transients)
 
 
+@pytest.mark.parametrize("background", [None, (0.2, 0.6, 0.9)])
+def test_where_a_ray_meets_nothing_the_background_is_seen(background):
+    made = model(replace(CONFIG, volumetric=replace(balls.SMALL, background=background)))
+    made.field = Given(torch.zeros(2, 3))
+    with torch.no_grad():
+        colour = made.shade(rays(2), samples(torch.ones(2, 3)), None).colour
+    torch.testing.assert_close(colour, torch.tensor(background or (0.0, 0.0, 0.0)).expand(2, -1))
+
+
 def test_scoring_renders_the_scene_in_the_mean_style_of_the_views():
     made, part = model(), torch.tensor([[2.0], [-1.0], [-1.0]])  # whose mean is nought
     with torch.no_grad():
@@ -128,6 +138,16 @@ def test_rays_see_their_views_style_or_the_mean_one():
         after = made(of.rays, context(of)).colour
     changed = (after - before).abs().amax(1) > 1e-5
     assert changed.tolist() == [i % 2 == 0 for i in range(50)]
+
+
+def test_rays_have_the_masks_of_their_views_photographs():
+    made = model()
+    of = replace(batch(60), views=torch.arange(3).repeat_interleave(20).flip(0))
+    with torch.no_grad():
+        m = made(of.rays, context(of)).extras["m"]
+        masks = made._masks(torch.arange(3))
+    torch.testing.assert_close(m, read(masks, of.views, of.places))
+    assert (masks[0] - masks[1]).abs().max() > 0.01
 
 
 def test_what_is_kept_is_that_of_the_last_visit_and_the_mean_of_steps():

@@ -9,7 +9,7 @@ import torch
 from servers import serving
 
 from baselines.encoders import dinov2
-from baselines.encoders.dinov2 import VisionTransformer, load_dinov2, with_weights
+from baselines.encoders.dinov2 import VisionTransformer, load_dinov2, weights_file, with_weights
 from baselines.encoders.frozen import DinoV2, calibrated
 from baselines.wild_gaussians.method import WildGaussians
 from hydroviews.errors import InputError
@@ -154,6 +154,31 @@ def test_another_file_is_refused_before_it_is_opened(published, tmp_path, monkey
     with pytest.raises(InputError, match="wrong checksum"):
         load_dinov2(CPU)
     assert not (tmp_path / "cache" / NAME).exists()
+
+
+def test_a_copy_may_be_named(published, tmp_path, monkeypatch):
+    copy = tmp_path / "copy.pth"
+    copy.write_bytes(published[0].files[f"/{NAME}"])
+    monkeypatch.setenv("HYDROVIEWS_DINOV2", str(copy))
+    assert weights_file() == copy
+    load_dinov2(CPU)
+    assert not published[0].asked
+    monkeypatch.setenv("HYDROVIEWS_DINOV2", str(tmp_path / "none.pth"))
+    with pytest.raises(InputError, match="correct HYDROVIEWS_DINOV2"):
+        load_dinov2(CPU)
+
+
+def test_a_lack_of_memory_says_what_to_do(published, monkeypatch):
+    def exhausted(*_):
+        raise torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 20 MiB")
+
+    network = calibrated("dinov2", "cpu")
+    network._network = exhausted
+    with pytest.raises(InputError, match=r"does not fit the memory of cpu(.|\n)*HYDROVIEWS_FEATURES=alexnet"):
+        network(np.zeros((28, 28, 3), np.float32))
+    monkeypatch.setattr(VisionTransformer, "to", exhausted)
+    with pytest.raises(InputError, match="does not fit the memory"):
+        calibrated("dinov2", "cpu")
 
 
 def test_the_network_is_a_setting_of_the_profile(monkeypatch):

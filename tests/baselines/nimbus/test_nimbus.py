@@ -5,10 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from disturbed import disturbed, fitted, only_in_training
+from disturbed import disturbed, fitted, only_in_training, whole_and_resumed
 from splats import cloud, photographed
 from trainings import psnr
 
+import baselines.nimbus.method as nimbus
 from baselines.gaussian_splatting import GaussianSplatting
 from baselines.method import check_hidden
 from baselines.nimbus.config import MediumConfig, NimbusConfig, ResidualConfig
@@ -122,6 +123,17 @@ def test_gradients_are_those_of_the_loss(tmp_path):
         way = np.sign(gradient) * (rng.random(start.shape) < 0.3)
         slope = (compared(start + step * way)[0] - compared(start - step * way)[0]) / (2 * step)
         assert slope == pytest.approx((gradient * way).sum(), rel=0.03)
+
+
+@pytest.mark.parametrize("judged", [0.3, 0.8])
+def test_a_medium_that_was_given_up_stays_so_when_a_run_goes_on(tmp_path, judged):
+    """Before the interruption, and after it."""
+    config = replace(BRIEF, medium=replace(BRIEF.medium, judged=judged, least=0.9))
+    scene = photographed(tmp_path, n_views=4)
+    whole, resumed = whole_and_resumed(Nimbus, config, scene, tmp_path, nimbus, "NimbusObjective")
+    assert whole._objective.given_up
+    assert resumed._objective.given_up
+    assert "medium none" in resumed.summary().used
 
 
 @pytest.mark.parametrize(("case", "said"), [("one view", "cannot separate"), ("all outliers", "residuals hold")])

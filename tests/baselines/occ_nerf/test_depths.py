@@ -78,6 +78,12 @@ def test_an_occluder_does_not_change_the_depth_from_behind():
     assert float(depth_from_behind(density, lengths, middles(EDGES, FORWARD, True), False)) == pytest.approx(1)
 
 
+def test_thin_matter_behind_opaque_matter_is_not_lost():
+    near, behind = both({NEAR: 1, FAR: 0.5}, dtype=torch.float32)
+    assert near == pytest.approx(0.085, abs=1e-5)
+    assert behind == pytest.approx(0.5 * 0.795 + 0.5 * 0.085, abs=1e-5)
+
+
 def test_depths_of_huge_densities_are_finite_with_their_gradients():
     density = torch.tensor([[0.0, 1e30, 0.0, 1e30], [0.0] * 4, [1e30] * 4, [1e-30] * 4], requires_grad=True)
     lengths = torch.tensor([[1.0, 1.0, 1.0, INFINITE]]).expand(4, -1)

@@ -120,6 +120,21 @@ def test_everything_taken_for_foreground_is_said_once_and_not_followed(caplog):
     assert torch.equal(first["background"], follows["background"])
 
 
+@pytest.mark.parametrize("density", [1e-12, 1.0, 1e12], ids=["empty", "fog", "saturated"])
+@pytest.mark.parametrize("counts", [0.0, 1.0], ids=["masked", "all count"])
+@pytest.mark.parametrize("foreground", [False, True])
+def test_losses_and_gradients_stay_finite(density, counts, foreground):
+    field = decided(model(), foreground)
+    filled(field.field, density)
+    filled(field.background, density)
+    rendering = field(rays(COUNT), context(1.0))
+    seen = batch(colours=rendering.colour.detach().clone(), weights=torch.full((COUNT,), counts))
+    losses = occ_nerf_losses(CONFIG)(rendering, seen)
+    sum(losses.values()).backward()
+    assert all(torch.isfinite(term) for term in losses.values())
+    assert all(torch.isfinite(p.grad).all() for p in field.parameters() if p.grad is not None)
+
+
 def test_what_is_shown_is_the_background_alone():
     field = model()
     with torch.no_grad():

@@ -210,6 +210,13 @@ class Counting:
         self.iteration, self.seconds, self.total = tree["iteration"], tree["seconds"], tree["sums"]["total"]
 
 
+def test_a_training_that_sigterm_ends_exits_as_shells_expect(tmp_path, monkeypatch):
+    interrupting(monkeypatch, 1, signal.SIGTERM)
+    with pytest.raises(SystemExit) as end:
+        loop.run(Counting(), tmp_path / CHECKPOINT, {}, 1e9)
+    assert end.value.code == 128 + signal.SIGTERM
+
+
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_a_loss_that_is_not_finite_never_gets_into_a_checkpoint(tmp_path, bad):
     path = tmp_path / CHECKPOINT
@@ -307,6 +314,17 @@ def test_a_learning_curve_whose_losses_change_goes_on_over_sessions(tmp_path, mo
     loop.run(Changing(250), tmp_path / CHECKPOINT, {}, 1e9)
     (rows, expected) = (learning_curve(folder) for folder in (tmp_path, tmp_path / "alone"))
     assert [row | {"seconds": ""} for row in rows] == [row | {"seconds": ""} for row in expected]
+
+
+@pytest.mark.parametrize("columns", [[], ["step", "seconds", "loss", "numbers"]])
+def test_a_learning_curve_of_an_older_checkpoint_goes_on(tmp_path, columns):
+    path, rows = tmp_path / CHECKPOINT, [[3, 1.0, 1.0, 3]] if columns else []
+    curve = {"columns": columns, "rows": rows, "sums": {"loss": 7.0, "numbers": 5}, "steps": 2}
+    state = {"iteration": 5, "seconds": 1.0, "sums": {"total": np.zeros(1)}, "learning curve": curve}
+    save_checkpoint(path, state, {})
+    loop.run(Counting(250, {5: 5.0}), path, {}, 1e9)
+    row = learning_curve(tmp_path)[len(rows)]
+    assert (row["step"], row["loss"], row["numbers"]) == ("6", "4", "6")
 
 
 class Watching(Counting):

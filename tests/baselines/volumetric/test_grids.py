@@ -41,6 +41,17 @@ def test_grids_are_regular_and_as_large_as_was_said():
     assert 0.98 < max(spans) < 1.01
 
 
+@pytest.mark.parametrize(("photographs", "views"), [(1, 7), (4, 7), (3, 1)])
+def test_views_come_in_turn(photographs, views):
+    steps = [views_in_turn(3, iteration, photographs, views) for iteration in range(views)]
+    assert all(len(step) == photographs for step in steps)
+    counts = np.bincount(np.concatenate(steps), minlength=views)
+    assert (counts == photographs).all()
+    assert views == 1 or any(
+        not np.array_equal(step, views_in_turn(4, i, photographs, views)) for i, step in enumerate(steps)
+    )
+
+
 def test_a_step_has_the_pixels_of_its_photograph(tmp_path):
     scene = balls.photographed(tmp_path, n_views=6)
     cameras = [view.camera for view in scene.train_views]

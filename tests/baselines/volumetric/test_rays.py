@@ -76,6 +76,16 @@ def test_device_coordinates_are_those_of_projected_points():
     np.testing.assert_allclose(entered.points(torch.from_numpy(t.astype(np.float32))), known, atol=2e-6)
 
 
+def test_every_training_ray_stays_in_the_cube():
+    cameras = forward_cameras()
+    space = choose_space(cameras, points_at([3.0, 8.0]), "ndc")
+    for view in cameras:
+        rays = space.from_world(camera_rays(view), CPU)
+        inside = space.to_unit_cube(rays.points(torch.linspace(0, 1, 5).expand(len(rays.origins), -1)))
+        assert inside.min() > -1e-6
+        assert inside.max() < 1 + 1e-6
+
+
 def test_cameras_all_round_are_contracted_into_the_unit_ball():
     cameras = [camera(20, 15, angle) for angle in np.linspace(0, 6, 9)]
     space = choose_space(cameras, points_at([0.5], 100), "auto")

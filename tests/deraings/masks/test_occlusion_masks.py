@@ -137,6 +137,13 @@ def test_masks_are_used_only_where_something_is_on_the_lens(fixed):
     assert again.report() == masks.report()
 
 
+def test_a_scene_that_is_fitted_is_hardly_masked():
+    pictures, drops = drop_pictures(0)
+    masks = taught(pictures, 1e-2 * losses(drops), lessons=40)
+    assert masks.typical == ALWAYS.min_typical
+    assert masks.mask(0, (HEIGHT, WIDTH)).max() < 0.15
+
+
 def test_nothing_is_masked_before_the_start_and_nothing_learnt_before_the_lessons():
     pictures, drops = drop_pictures(0)
     config = MaskConfig(start=0.5, warm_up=0.2, every=4, min_evidence=0)
@@ -166,6 +173,17 @@ def test_any_size(shape):
     masks.learn(0, loss[0, ::2, ::2], 9)  # of a smaller render of the view
 
 
+def test_views_of_different_sizes_learn_together():
+    rng = np.random.default_rng(0)
+    sizes = [(40, 60), (60, 40), (24, 36)]
+    masks = OcclusionMasks(
+        TrainingImages([rng.integers(0, 256, (*s, 3)).astype(np.uint8) for s in sizes]), 10, 0, ALWAYS
+    )
+    for i, size in enumerate(sizes):
+        masks.learn(i, rng.random(size, np.float32), i)
+    assert [masks.mask(i, size).shape for i, size in enumerate(sizes)] == sizes
+
+
 @pytest.mark.parametrize("value", [0.0, np.nan])
 def test_a_loss_that_says_nothing_teaches_nothing(value):
     pictures, drops = drop_pictures(0)
@@ -173,6 +191,30 @@ def test_a_loss_that_says_nothing_teaches_nothing(value):
     before = masks.state_dict()
     masks.learn(0, np.full((HEIGHT, WIDTH), value, np.float32), 9)
     assert all(array.tobytes() == before[name].tobytes() for name, array in masks.state_dict().items())
+
+
+def test_broken_pixels_do_not_spoil_the_network():
+    pictures, drops = drop_pictures(0)
+    broken = losses(drops)
+    broken[:, 5, 6:9], broken[:, 7, 7] = np.nan, np.inf
+    masks = taught(pictures, broken, lessons=3)
+    assert np.isfinite(masks.mask(0, (HEIGHT, WIDTH))).all()
+    assert all(np.isfinite(value).all() for value in masks.state_dict().values())
+
+
+def test_seeds_and_other_peoples_random_numbers_and_threads():
+    pictures, drops = drop_pictures(0)
+    torch.manual_seed(3)
+    state, threads = torch.get_rng_state(), torch.get_num_threads()
+    one = taught(pictures, losses(drops), lessons=3).state_dict()
+    assert torch.equal(torch.get_rng_state(), state)
+    assert torch.get_num_threads() == threads
+    torch.manual_seed(4)
+    torch.set_num_threads(2)
+    same, other = (taught(pictures, losses(drops), lessons=3, seed=seed).state_dict() for seed in (0, 1))
+    torch.set_num_threads(threads)
+    assert all(value.tobytes() == same[name].tobytes() for name, value in one.items())
+    assert any(value.tobytes() != other[name].tobytes() for name, value in one.items())
 
 
 def test_settings_are_told_and_checked():
@@ -200,6 +242,16 @@ def test_what_is_known_to_be_hidden_is_hidden_as_well():
     assert dry.weights(0, (HEIGHT, WIDTH), 500) is None
 
 
+def test_where_drops_are_known_to_stay_losses_need_not_tell():
+    pictures, drops = drop_pictures(0)
+    unsure = replace(ALWAYS, min_evidence=1.1)
+    hidden = np.full((HEIGHT, WIDTH), 0.5, np.float32)
+    told = OcclusionMasks(TrainingImages(list(pictures)), 1000, 0, unsure, lambda view: hidden, stays=True)
+    told.learn(0, losses(drops)[0], 0)
+    assert told.weights(0, (HEIGHT, WIDTH), 500).max() <= 0.5
+    assert told.report()["used"]
+
+
 def test_the_typical_loss_is_of_pixels_that_are_shown():
     """Hidden ones have none, and may be most of a photograph."""
     masks = OcclusionMasks(TrainingImages(list(drop_pictures(0)[0])), 1000, 0, ALWAYS)
@@ -207,3 +259,10 @@ def test_the_typical_loss_is_of_pixels_that_are_shown():
     loss[:, :20] = 0.1
     masks.learn(0, loss, 0)
     assert masks.typical == pytest.approx(0.1)
+
+
+def test_a_mask_is_not_stretched_where_its_blocks_end_beyond_the_picture():
+    masks = OcclusionMasks(TrainingImages(list(drop_pictures(0, count=1)[0])), 1000, 0, ALWAYS)
+    masks._keep(0, np.repeat([[0] * 18 + [255] * 18], 24, axis=0).astype(np.uint8))  # of 72 columns, from the 36th on
+    found = masks.mask(0, (HEIGHT, WIDTH))
+    assert found[:, 35].max() < 0.5 < found[:, 36].min()

@@ -110,6 +110,10 @@ def test_what_is_left_running_is_found(case, monkeypatch, toy, left):
     assert (outcome.result, outcome.reason) == (Result.FAILED, f"left running: {left}")
 
 
+def test_without_a_seed_nothing_repeats(case):
+    assert results(case("Unseeded"))["same seed, same result"] == Result.FAILED
+
+
 def test_on_a_gpu_there_is_no_telling_where_trainings_differ(case):
     found = results(case("OnACard"))
     untold = {"same seed, same result", "held-out views unseen", "masks respected"}
@@ -118,6 +122,13 @@ def test_on_a_gpu_there_is_no_telling_where_trainings_differ(case):
     reason = try_check(case("OnACard"), "masks respected", CHECKS["masks respected"]).reason
     assert "by up to" in reason
     assert "trains on a card" in reason
+
+
+@pytest.mark.usefixtures("trained_here")
+def test_on_a_gpu_a_training_that_goes_on_otherwise_is_not_a_failed_one(case):
+    outcome = try_check(case("OnACard"), INTERRUPTED[0], CHECKS[INTERRUPTED[0]])
+    assert outcome.result == Result.NOT_TESTABLE
+    assert "ends with other pixels" in outcome.reason
 
 
 @pytest.fixture
@@ -198,6 +209,14 @@ def test_a_check_that_never_ends_has_failed(only):
         Result.FAILED,
         "not done after 0.05 minutes (--minutes allows more)",
     )
+
+
+def test_the_check_itself_can_be_ended(case):
+    def ended(_: Case) -> str:
+        raise SystemExit(143)
+
+    with pytest.raises(SystemExit):
+        try_check(case("Good"), "trains", ended)
 
 
 def test_it_is_told_in_words_in_json_and_by_the_exit_status(only, tmp_path, caplog):

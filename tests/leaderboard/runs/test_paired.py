@@ -16,7 +16,7 @@ from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.profiles import find_profile
-from hydroviews.scene.images import read_image
+from hydroviews.scene.images import read_image, write_png
 from leaderboard.evaluate import EvaluateRequest, evaluate, outcome
 from leaderboard.runs.run import Run, claim_folder
 from leaderboard.runs.train_and_render import train_and_render
@@ -100,6 +100,14 @@ def test_published_captures_are_read_by_name(tmp_path, published, prefixes):
     assert [view.name for view in open_variant(built, CAPTURED).train_views] == clutter
     assert [view.name for view in open_clean(built).test_views] == extra
     assert verify(built.parent) == []
+
+
+def test_another_clean_photograph_is_another_capture(tmp_path):
+    capture = paired_capture(tmp_path / "walk")
+    built(tmp_path, capture)
+    write_png(capture / "clean" / "view-00.png", np.zeros((36, 48, 3), np.uint8))
+    with pytest.raises(InputError, match="built from another request"):
+        built(tmp_path, capture)
 
 
 @pytest.mark.parametrize("clean", [NAMES, NAMES[6:]])

@@ -123,6 +123,21 @@ def test_methods_share_cameras_and_clean_views_have_their_own(built, monkeypatch
     assert len(calls) == 2
 
 
+def test_goes_on_after_an_interruption(built, monkeypatch):
+    def stop():
+        raise KeyboardInterrupt
+
+    pretend(built, monkeypatch, registered=7, begun=stop)
+    with pytest.raises(KeyboardInterrupt):
+        evaluate(request(built))
+    cameras = run_of(built, pattern="clean").cameras
+    linked = sorted(path.name for path in (cameras / "photographs").iterdir())
+    assert not (cameras / "errors.json").exists()
+    pretend(built, monkeypatch, registered=7)
+    assert evaluate(request(built))[-1].status == "done"
+    assert sorted(path.name for path in (cameras / "photographs").iterdir()) == linked
+
+
 @pytest.mark.parametrize(
     ("registered", "reason"),
     [(3, "3 of 7 photographs registered, fewer than 4"), (2, "only 2 of 7 photographs could be registered")],

@@ -22,6 +22,7 @@ from leaderboard.runs.supervision import (
     Watch,
     end_gently,
     known_workers,
+    newest_change,
     run_tethered,
 )
 
@@ -164,6 +165,23 @@ def test_what_a_command_of_the_method_writes_is_a_sign_of_life_wherever_it_goes(
     finally:
         script.kill()
         script.communicate()
+
+
+def test_what_is_removed_while_it_is_looked_for_does_not_count(tmp_path, monkeypatch):
+    gone, kept = tmp_path / "a" / "gone", tmp_path / "b" / "deep"
+    gone.mkdir(parents=True)
+    kept.mkdir(parents=True)
+    (kept / "file").touch()
+    scandir = os.scandir
+
+    def removing(path):
+        if str(path) == str(gone):
+            gone.rmdir()
+        return scandir(path)
+
+    monkeypatch.setattr(os, "scandir", removing)
+    assert newest_change(tmp_path) >= (kept / "file").stat().st_mtime_ns
+    assert not gone.exists()
 
 
 @pytest.mark.parametrize(

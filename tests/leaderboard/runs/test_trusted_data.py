@@ -1,6 +1,7 @@
 """A score is of the data that the manifest lists, whatever a method or a disk does to files."""
 
 import dataclasses
+import errno
 import stat
 
 import numpy as np
@@ -69,6 +70,25 @@ def test_what_is_lent_is_the_scene_without_what_is_held_back(run, track):
         assert pictures == {f"{name}.png" for name in whole.split.train}
         assert loan.spoilt() == []
     assert not lent.data.exists()
+
+
+def test_a_full_disk_while_lending_is_told_and_leaves_nothing(run, monkeypatch):
+    def full(source, target):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("hydroviews.dataset.lending.shutil.copyfile", full)
+    with pytest.raises(InputError, match="no space left on the disk"), run.lent():
+        pass
+    assert not list(run.folder.glob(".partial*"))
+
+
+@pytest.mark.usefixtures("trained_here")
+def test_what_a_killed_run_was_lent_goes_with_the_next(request_of, run):
+    left = run.folder / ".partial-host-0123456789ab-data"
+    (left / "yard").mkdir(parents=True)
+    (run.folder / "record.json").unlink()
+    assert evaluate(request_of())[-1].status == "done"
+    assert not left.exists()
 
 
 def test_depth_and_masks_are_lent_of_training_views_alone(tmp_path):

@@ -7,6 +7,7 @@ import pytest
 
 from hydroviews.errors import InputError
 from leaderboard.evaluate import evaluate
+from leaderboard.records import LONGEST
 
 pytestmark = pytest.mark.usefixtures("toys", "evaluated")
 HOUR = 3600
@@ -34,6 +35,7 @@ def row_of(request_of, tmp_path):
         ("RendersTooSmall", "view-00: rendered float32 (35, 48, 3), expected float32 (36, 48, 3)"),
         ("RendersNan", "view-00: rendered NaN in 1,728 of 1,728 pixels"),
         ("NothingLeft", "training has left no Gaussians"),
+        ("Rambles", r"ValueError: \ud800\x1b[31mxxx"),  # as long as a book, with what is no character
     ],
 )
 @pytest.mark.usefixtures("trained_here")
@@ -41,6 +43,7 @@ def test_it_fails_alone(row_of, method, reason):
     row = row_of(method)
     assert row.status == "failed"
     assert reason in row.reason
+    assert len(row.reason) <= LONGEST
     assert row[["psnr", "train_s", "device"]].isna().all()
 
 

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from synthetic import capture_in
@@ -9,6 +10,7 @@ from synthetic import capture_in
 from hydroviews import metrics
 from hydroviews.cli import threads
 from hydroviews.errors import InputError
+from hydroviews.files.atomic import write_bytes
 from hydroviews.scene.images import read_image, write_png
 from leaderboard.scoring import score
 from leaderboard.scoring.score import score_views
@@ -79,8 +81,19 @@ def test_a_mean_that_is_no_number_has_its_own_reason(monkeypatch, value, reason)
     assert reasons == {"psnr": reason}
 
 
-def test_a_render_of_another_size_is_refused(rendered):
+@pytest.mark.parametrize(
+    ("pixels", "found"),
+    [
+        (np.zeros((10, 12, 3), np.uint8), "8 bits, 3 channels, 12x10 pixels"),
+        (np.full((36, 48, 3), 30_000, np.uint16), "16 bits, 3 channels, 48x36 pixels"),
+        (np.full((36, 48, 4), 128, np.uint8), "8 bits, 4 channels, 48x36 pixels"),
+    ],
+    ids=["another size", "16 bits", "alpha"],
+)
+def test_a_render_that_is_not_as_renders_are_is_refused(rendered, pixels, found):
     views, renders = rendered
-    write_png(renders / f"{views[3].name}.png", np.zeros((10, 12, 3), np.float32))
-    with pytest.raises(InputError, match=r"not as renders are[\s\S]*12x10[\s\S]*48x36"):
+    write_bytes(renders / f"{views[3].name}.png", cv2.imencode(".png", pixels)[1].tobytes())
+    with pytest.raises(score.UnusableRun) as refused:
         score_views(renders, views, {})
+    assert f"found: {found}\n  expected: 8 bits, 3 channels, 48x36 pixels" in str(refused.value)
+    assert score.AGAIN in str(refused.value)

@@ -1,6 +1,7 @@
 """Renders of others: scored as ours are, and refused as a whole where anything is not as it has to be."""
 
 import csv
+import json
 import os
 import re
 import shutil
@@ -93,6 +94,13 @@ def test_what_they_write_of_themselves_is_run_by_no_spreadsheet_and_obeyed_by_no
     assert r"=1+1 \| 80 GB" in costs[2]
 
 
+def test_a_byte_order_mark_is_no_part_of_the_file(theirs):
+    about = theirs / "submission.toml"
+    about.write_bytes(b"\xef\xbb\xbf" + about.read_bytes().replace(b"\n", b"\r\n"))
+    sent(theirs)
+    assert (theirs.parent / "results" / "leaderboard.csv").is_file()
+
+
 def test_submitted_again_it_is_kept_and_other_renders_are_refused_unless_overwritten(theirs, caplog):
     sent(theirs)
     stamp = theirs.parent / "results/demo/their-method/yard/streak-0/seed-0/renders/view-00.png"
@@ -178,3 +186,12 @@ def test_a_submission_that_is_not_as_it_has_to_be_is_refused_as_a_whole(theirs, 
     with pytest.raises(InputError, match=message):
         sent(theirs)
     assert not (theirs.parent / "results").exists()
+
+
+def test_a_run_of_ours_is_not_replaced(theirs, ours):
+    run = theirs.parent / "results/demo/their-method/yard/streak-0/seed-0"
+    shutil.copytree(ours[1].folder, run)
+    settings = json.loads((run / "config.json").read_text())
+    (run / "config.json").write_text(json.dumps(settings | {"method": "their-method"}))
+    with pytest.raises(InputError, match="holds another run of that name"):
+        sent(theirs)

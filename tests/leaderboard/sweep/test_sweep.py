@@ -1,5 +1,6 @@
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -198,6 +199,15 @@ def test_a_slurm_script_whose_tasks_are_the_runs(request_of, tmp_path):
     assert runs == ["seed-1"]
     sweep(request)  # the next script has what is missing
     assert "#SBATCH --array=0-0\n" in script.read_text()
+
+
+def test_a_slurm_script_of_a_folder_with_an_odd_name(request_of, tmp_path):
+    script, results = tmp_path / "array.sh", tmp_path / "20 % #1"
+    sweep(request_of(["MeanColour"], slurm=script, results=results))
+    output = next(line for line in script.read_text().splitlines() if "--output" in line)
+    assert shlex.split(output.removeprefix("#SBATCH "), comments=True) == [
+        f"--output={tmp_path}/20 %% #1/logs/slurm-%A-%a.log"
+    ]
 
 
 def test_ray_is_not_installed_or_nothing_answers(request_of, monkeypatch):

@@ -1,6 +1,7 @@
 """Boards of known scores: what is compared, ranked, tied and missing; every number against one by pandas."""
 
 import itertools
+import shutil
 
 import numpy as np
 import pandas as pd
@@ -89,6 +90,23 @@ def test_what_is_not_there_cannot_be_compared(results, options, message):
         compare_command(results=results, **options)
 
 
+def test_a_suite_that_cannot_be_compared_does_not_hold_up_the_others(results, capsys):
+    add_run(results, "c", "mine", "streak-0")
+    shutil.rmtree(results / "demo/a/courtyard")
+    shutil.rmtree(results / "demo/b/courtyard")
+    add_run(results, "3dgs-clean", "courtyard", "clean")  # a ceiling alone
+    compare_command(("a", "c"), results=results)
+    printed = capsys.readouterr().out
+    assert "Suite test, demo, given-poses\n\nMETHOD=c: no such method with runs on rainy views" in printed
+    assert "Suite development, demo, given-poses\n\nMETHOD=a: no such method" in printed
+    assert "Means over the 1 runs that all of them have, on 1 scene, 3 views." in printed.split("Other scenes")[1]
+    compare_command(results=results)
+    assert "Suite development, demo, given-poses\n\nno run that all methods" in capsys.readouterr().out
+    with pytest.raises(InputError, match="no such method"):
+        compare_command(("a", "c"), suite="test", results=results)
+    assert capsys.readouterr().out == ""
+
+
 def test_a_method_that_lacks_most_runs_is_not_compared_and_named(results, capsys):
     for pattern in ("streak-1", "streak-2"):
         for method in ("a", "b"):
@@ -131,6 +149,13 @@ def test_means_ranks_and_ties():
         "on 3 scenes, 72 views. Seeds per pattern that would separate the first two methods on these scenes: 1.\n"
         in text
     )
+
+
+def test_of_a_metric_where_low_is_good_the_low_one_is_first():
+    found = compare(*board(), "lpips_alex")
+    assert found.methods.method[0] == "ours"
+    assert found.pairs.high[0] < 0
+    assert found.pairs.significant[0]
 
 
 def test_means_are_of_runs_that_all_have_and_who_finished_fewer_ranks_below():
@@ -182,6 +207,20 @@ def test_runs_on_the_same_data_with_other_views_are_refused(change):
     views = change(views, (views.method == "ours") & (views.scene == "pond"))
     with pytest.raises(InputError, match="pond: runs on the same data have other views"):
         compare(runs, views, "psnr")
+
+
+def test_seeds_are_those_that_tell_the_first_two_apart():
+    """By rank: the first two by name are so far apart that one seed does."""
+    assert compare(*board({"3dgs": -5.0, "ours": 0.05, "theirs": 0.0}), "psnr").seeds > 1
+
+
+def test_what_was_submitted_stands_apart_from_a_method_of_the_same_name():
+    runs, views = board(methods={"a": 1.0})
+    theirs = [table.assign(submitted_by="Ada") for table in (runs, views)]
+    found = compare(*(pd.concat(pair) for pair in zip((runs, views), theirs, strict=True)), "psnr")
+    assert set(found.methods.method) == {"a", "a (submitted)"}
+    assert np.isinf(found.seeds)
+    assert "The first two are equal" in in_words(found, "")
 
 
 @pytest.mark.parametrize(

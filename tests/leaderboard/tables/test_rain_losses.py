@@ -21,6 +21,7 @@ from hydroviews.rain.lens.severity import drops_harm, veil_harm
 from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.scene_statistics import survey
 from hydroviews.rain.severity import wanted_harm
+from leaderboard.__main__ import enter_losses
 from leaderboard.tables.rain_losses import numbers_for_grades, record_losses, rewrite_card
 
 
@@ -84,6 +85,21 @@ def test_no_leaderboard(built, tmp_path):
         (tmp_path / "leaderboard.csv").write_text(content)
         with pytest.raises(InputError, match="no leaderboard"):
             record_losses(built, tmp_path)
+
+
+def test_a_scene_without_runs_does_not_hold_up_the_others(built, tmp_path, capsys):
+    build(capture_in(tmp_path / "capture" / "another"), built.parent, patterns=STREAKS)
+    with pytest.raises(InputError, match="no pair of finished runs of 3dgs-clean and 3dgs on another"):
+        enter_losses(built.parent, results_in(tmp_path / "results", built))
+    assert "streak-2" in capsys.readouterr().out
+    assert (built / "losses.csv").is_file()
+
+
+def test_a_scene_may_be_called_by_a_number(tmp_path):
+    scene = capture_in(tmp_path / "capture" / "0042")
+    built = build(scene, tmp_path / "data", patterns=STREAKS)
+    losses = record_losses(built, results_in(tmp_path / "results", built))
+    assert list(losses.pattern) == ["streak-0", "streak-2"] * 2
 
 
 @pytest.fixture(scope="module")

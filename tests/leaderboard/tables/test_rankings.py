@@ -75,6 +75,12 @@ def test_seeds_count_alike_and_are_paired():
     assert by_name(found)["ours"].gain == pytest.approx(30 - HARD["pond"] - 1)
 
 
+def test_a_run_on_other_data_is_no_pair():
+    [found] = rankings(table(floor(), above("ours", ALL, data_sha256="older")))
+    assert math.isnan(by_name(found)["ours"].gain)
+    assert [one.method for one in found.methods] == ["3dgs", "ours"]
+
+
 def test_references_have_no_rank_and_the_scenes_and_seeds_of_the_others():
     clean = [run("3dgs-clean", scene, 31.0, "clean", seed) for scene in (*SCENES, "attic") for seed in (0, 1)]
     [found] = rankings(table(clean, floor(("pond", "room"))))
@@ -82,6 +88,11 @@ def test_references_have_no_rank_and_the_scenes_and_seeds_of_the_others():
     assert (first.method, first.rank, first.scenes, first.runs) == ("3dgs-clean", None, ("pond", "room"), 2)
     assert first.gain == pytest.approx(31 - (HARD["pond"] + HARD["room"]) / 2)
     assert found.best["psnr"] == pytest.approx(24)
+
+
+def test_nobody_without_a_finished_run_is_listed():
+    [found] = rankings(table(floor(), above("ours", ALL, status="failed")))
+    assert [one.method for one in found.methods] == ["3dgs"]
 
 
 @pytest.mark.parametrize(("difference", "tied"), [((0.1, -0.1, 0.1, -0.1, 0.05), True), ((1.0,) * 5, False)])
@@ -95,3 +106,12 @@ def test_medium_rain_comes_first_and_then_what_most_ran_under():
     runs = [floor(pattern=name) for name in ("raindrop-0", "haze-1", "streak-1")]
     found = rankings(table(*runs, above("ours", ALL, pattern="streak-1")))
     assert [one.title for one in found] == ["streak, medium", "haze, medium", "raindrop, light"]
+
+
+def test_a_number_that_a_run_lacks_is_missing():
+    rows = table(floor(), above("ours", ALL))
+    rows.loc[(rows.method == "ours") & (rows.scene == "pond"), ["ssim", "train_s"]] = None
+    one = by_name(rankings(rows)[0])["ours"]
+    assert math.isnan(one.scores["ssim"])
+    assert math.isnan(one.seconds)
+    assert one.rank == 1

@@ -100,6 +100,12 @@ def test_so_many_seeds_find_a_difference_in_four_of_five_boards():
     assert found.mean() == pytest.approx(0.8, abs=0.03)
 
 
+def test_the_spread_of_two_seeds_is_that_of_a_sample():
+    """Of 0 and 2 the variance is 2, not 1."""
+    scene = SceneScores(np.array([0.0, 2.0])[:, None, None], np.zeros(2, int))
+    assert seeds_needed([scene]) == math.ceil(2 * (1.959964 + 0.841621) ** 2)
+
+
 def test_seeds_that_nothing_is_known_of():
     assert math.isnan(seeds_needed([SceneScores(np.ones((2, 3, 1)), np.array([0, 1]))]))
     assert math.isinf(seeds_needed([SceneScores(np.zeros((2, 3, 1)), np.array([0, 0]))]))

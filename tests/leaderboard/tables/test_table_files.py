@@ -250,3 +250,7 @@ def test_the_latex_marks_best_second_and_missing_and_names_are_escaped(written):
     assert len(re.findall(r"\\underline\{[^$]*\}\$\^\{11/12\}\$", text)) == 1  # costs
     assert r"ours\_\&\_\%" in text
     assert text.count("{") == text.count("}")
+
+
+def test_names_cannot_break_the_latex():
+    assert latex_text("a_b\\input{x}$#^~") == (r"a\_b\textbackslash{}input\{x\}\$\#\textasciicircum{}\textasciitilde{}")

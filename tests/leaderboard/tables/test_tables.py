@@ -3,7 +3,7 @@ import pytest
 
 from hydroviews.metrics import find_metrics
 from leaderboard.records import columns
-from leaderboard.tables.dataframes import cost_means, grade_of, scene_keys, scene_table
+from leaderboard.tables.dataframes import cost_means, grade_of, scene_keys, scene_table, share_of_gap
 from leaderboard.tables.markdown import to_markdown
 from leaderboard.tables.means import places, shared_runs
 
@@ -63,6 +63,31 @@ def test_the_gap_is_taken_on_the_runs_that_have_both_references():
     assert summary.loc["3dgs-clean", "gap"] == 1
 
 
+def test_the_share_of_the_gap_is_of_the_means_beside_it_where_patterns_have_unlike_numbers_of_seeds():
+    """In three seeds of one pattern half the gap is won, in one of another a tenth."""
+    runs = [(name, "streak", "done", psnr) for name, psnr in (("3dgs", 10.0), ("ours", 20.0)) for _ in range(3)]
+    runs += [(name, "raindrop", "done", psnr) for name, psnr in (("3dgs", 20.0), ("ours", 21.0))]
+    table = rows(*runs, *[("3dgs-clean", "clean", "done", 30.0)] * 3)
+    table["effect"] = table.effect.mask(table.effect == "raindrop", "streak")  # another pattern of the same effect
+    summary = scene_table(table, "yard", "demo", "given-poses")["streak"]
+    floor, ours = summary.psnr[["3dgs", "ours"]]
+    assert (floor, ours) == (15, 20.5)
+    assert summary.gap["ours"] == pytest.approx((ours - floor) / (30 - floor))
+
+
+@pytest.mark.parametrize("lacking", ["3dgs", "3dgs-clean", "ours"])
+def test_no_share_is_told_of_runs_that_lack_a_score(lacking):
+    """Means of three methods over other runs would be of no gap at all."""
+    table = rows(
+        *((name, "streak", "done", psnr) for name, psnr in (("3dgs", 20.0), ("ours", 25.0))),
+        *((name, "streak", "done", psnr) for name, psnr in (("3dgs", 10.0), ("ours", 11.0))),
+        *[("3dgs-clean", "clean", "done", 30.0)] * 2,
+    )
+    assert share_of_gap(table, "ours") == pytest.approx((18 - 15) / (30 - 15))
+    table.loc[table.index[table.method == lacking][0], "psnr"] = float("nan")
+    assert pd.isna(share_of_gap(table, "ours"))
+
+
 def test_failed_runs_are_counted_and_left_out_of_the_mean():
     table = rows(
         ("ours", "streak", "done", 24.0),
@@ -79,6 +104,11 @@ def test_failed_runs_are_counted_and_left_out_of_the_mean():
     assert "| ours | <u>**24.00**</u> | <u>**0.5000**</u> |  |  |  |  | <u>1/2</u> |" in text
     assert "| theirs |  |  |  |  |  |  | <u>0/2</u> |" in text
     assert "Means over 1 of 2 runs, which all the others have. Without a finished run: theirs." in text
+
+
+def test_where_a_run_lacks_a_number_its_mean_is_not_told():
+    table = rows(("ours", "streak", "done", 24.0), ("ours", "streak", "partial", None))
+    assert pd.isna(scene_table(table, "yard", "demo", "given-poses").loc["ours", ("streak", "psnr")])
 
 
 def test_means_are_of_shared_runs_and_who_lacks_runs_is_underlined_and_not_the_best():

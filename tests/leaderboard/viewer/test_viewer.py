@@ -22,8 +22,10 @@ from leaderboard.runs.run import Run
 from leaderboard.viewer.comparison import compare, list_shots
 from leaderboard.viewer.normalise import (
     SIZE,
+    frustum_length,
     normalise_scene,
     normalise_splats,
+    pose,
     vertical_fov,
     window_fov,
 )
@@ -69,8 +71,32 @@ class TestComparison:
         assert comparison.error.shape == comparison.photograph.shape == written.shape
         assert compare(load_method(run), list_shots(run)[0]).score is None
 
+    def test_what_was_captured_in_rain_is_shown_and_not_scored(self, tmp_path):
+        wet = finished_run(tmp_path, rainy=True)
+        shots = list_shots(wet)
+        assert [shot.held_out for shot in shots] == [False] * 7 + [True] * 2
+        assert compare(load_method(wet), shots[-1]).score is None
+
 
 class TestStage:
+    def test_a_scene_far_away_is_shown_as_the_same_one_near(self, run, tmp_path):
+        far = finished_run(tmp_path, shift=1e6)
+        staged = []
+        for one in (run, far):
+            gaussians, cameras = find_splats(one.folder), [shot.view.camera for shot in list_shots(one)]
+            normalisation = normalise_scene(cameras, gaussians)
+            staged.append(
+                (
+                    normalise_splats(gaussians, cameras, normalisation),
+                    pose(cameras[0], normalisation),
+                    frustum_length(cameras, normalisation),
+                )
+            )
+        for name, value in vars(staged[0][0]).items():
+            assert np.allclose(getattr(staged[1][0], name), value, atol=1e-3), name
+        assert np.allclose(staged[0][1][1], staged[1][1][1], atol=1e-5)
+        assert staged[0][2] == pytest.approx(staged[1][2])
+
     def test_splats_have_the_shapes_and_colours_of_the_gaussians(self, run):
         gaussians, cameras = find_splats(run.folder), [list_shots(run)[0].view.camera]
         normalisation = normalise_scene(cameras, gaussians)

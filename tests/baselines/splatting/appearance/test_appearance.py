@@ -113,6 +113,25 @@ def test_who_is_shown_is_in_sight(size, most):
     assert np.array_equal(seen["sh"], gaussians.sh[rows])
 
 
+@pytest.mark.parametrize("kind", ["cpu", "gsplat"])
+def test_a_view_of_nothing_teaches_nothing(tmp_path, cuda_backend, kind):
+    scene = photographed(tmp_path, n_views=3)
+    images = read_images(scene.train_views)
+    backend = {"cpu": CpuBackend, "gsplat": cuda_backend}[kind](
+        Both(images, appearance=Tint(len(images))), BACKGROUND, 0.01
+    )
+    backend.put(fresh_state(with_features(20)))
+    away, pose = scene.train_views[0].camera, np.diag([-1.0, 1.0, -1.0, 1.0])
+    away = replace(away, world_to_camera=pose @ away.world_to_camera)
+    before = {name: value.copy() for name, value in backend.get(0, 0.0).gaussians.state_dict().items()}
+    rates = {**rates_at(0, 100, LearningRates(), 4.0, 1), "features": 0.01}
+    loss = backend.step(away, 0, 0, 1, rates, StepOptions(watch=True))
+    after = backend.get(1, 0.0)
+    assert np.isfinite(loss)
+    assert not after.seen.any()
+    assert all(np.array_equal(value, after.gaussians.state_dict()[name]) for name, value in before.items())
+
+
 def test_non_finite_gaussians_leave_the_network_whole(tmp_path):
     gaussians = with_values(with_features(20), "features", 3, np.nan)
     appearance = Tint(1)

@@ -104,6 +104,16 @@ def test_both_say_the_same_of_contributions(backends):
     assert sum(ours) > 100
 
 
+def test_what_a_step_breaks_is_not_shown_in_the_next(backends):
+    cameras, (_, backend) = backends
+    backend.put(fresh_state(cloud(80, 1)))
+    rates = rates_at(0, 100, LearningRates(), 4.0, 1)
+    broken = {**rates, "sh": np.where(np.arange(12).reshape(4, 3) == 5, np.inf, rates["sh"]).astype(np.float32)}
+    for given in (broken, rates, rates):
+        assert np.isfinite(backend.step(cameras[0], 0, 0, 1, given, StepOptions()))
+    assert backend.non_finite()
+
+
 def test_non_finite_ones_are_counted_and_learn_nothing(backends):
     cameras, both = backends
     gaussians = with_values(with_values(cloud(80, 1), "means", 3, np.nan), "sh", 5, np.inf)

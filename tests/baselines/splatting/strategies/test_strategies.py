@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 
+import numba
 import numpy as np
 import pytest
 import torch
@@ -18,6 +19,7 @@ from baselines.splatting.state import fresh_state, opacities
 from baselines.splatting.strategies.base import PositionNoise, StepOptions
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting.strategies.relocation import (
+    PAPER_EXTENT,
     MCMCStrategy,
     add_noise,
     add_penalties,
@@ -27,7 +29,7 @@ from baselines.splatting.strategies.relocation import (
     shared,
 )
 from baselines.splatting.trainer import train
-from baselines.splatting_profiles import pruned_to_budget
+from baselines.splatting_profiles import pruned_to_budget, with_iterations
 from hydroviews.scene.quaternions import rotation_matrices
 
 
@@ -163,12 +165,44 @@ def test_penalties_are_gradients_of_mean_opacity_and_mean_scale():
     assert not gradients.means.any()
 
 
+def test_other_units_are_trained_the_same_way():
+    one, other = (MCMCStrategy().step_options(7, 1e-4 * s, PAPER_EXTENT * s, 0) for s in (1.0, 10.0))
+    assert one.noise.factor == pytest.approx(5e5 * 1e-4)
+    assert other.noise.factor == pytest.approx(
+        one.noise.factor / 10
+    )  # times a covariance 100 times as large: a step 10 times as long
+    assert other.scale_penalty == pytest.approx(one.scale_penalty / 10)
+
+
+def test_steps_do_not_depend_on_the_number_of_threads():
+    if numba.config.NUMBA_NUM_THREADS < 2:
+        pytest.skip("one thread is all there is")
+    results = []
+    for threads in (1, 2):
+        numba.set_num_threads(threads)
+        gaussians, gradients = cloud(1000, 1), cloud(1000, 1).zeros()
+        step_options = StepOptions(opacity_penalty=0.1, scale_penalty=0.1, noise=PositionNoise(10.0, generator()))
+        add_penalties(gaussians, step_options, gradients)
+        add_noise(gaussians, step_options.noise, np.empty((1000, 3), np.float32))
+        results.append((gaussians.means.tobytes(), gradients.log_scales.tobytes(), gradients.opacity_logits.tobytes()))
+    assert results[0] == results[1]
+
+
 def test_a_synthetic_scene_is_learnt_within_the_budget(scene, tmp_path):
     method = GaussianSplatting(replace(BUDGETED, iterations=500), 0)
     method.fit(scene, tmp_path)
     assert method.summary().n_primitives == 150
     assert psnr(method, scene.train_views) > 30
     assert psnr(method, scene.test_views) > 26
+
+
+def test_relocation_is_scheduled_as_densification_is():
+    relocation = replace(GaussianSplatting.configuration("quick"), strategy=MCMCStrategy(stop=9000, budget=60_000))
+    half = with_iterations(relocation.iterations // 2, relocation)
+    assert half.strategy == MCMCStrategy(stop=4500, budget=60_000)
+    pruned = pruned_to_budget(1000, relocation)
+    assert pruned.strategy == MCMCStrategy(stop=round(0.24 * pruned.iterations), budget=1500)
+    assert pruned.pruning.budget == 1000
 
 
 def test_a_budget_is_exceeded_early_and_kept_in_the_end(scene, tmp_path):
