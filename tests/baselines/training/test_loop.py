@@ -34,7 +34,6 @@ from deraings.enhancement.training.pairs import Pairs
 from hydroviews.pairs.rainy_pairs import DrawnRain
 from leaderboard.site.learning_curves import learning_curves
 
-SIGNALS = [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit)]
 INTERVALS = Intervals(checkpoint_seconds=1e9, validate_every=2)
 
 
@@ -145,8 +144,10 @@ def interrupting(monkeypatch, at, number):
     return iterations
 
 
-@pytest.mark.parametrize(("number", "error"), SIGNALS, ids=["SIGINT", "SIGTERM"])
-@pytest.mark.parametrize("name", TRAININGS)
+@pytest.mark.parametrize(
+    ("name", "number", "error"),
+    [*((name, signal.SIGINT, KeyboardInterrupt) for name in TRAININGS), ("densification", signal.SIGTERM, SystemExit)],
+)
 def test_a_signal_ends_a_training_after_its_step_and_leaves_no_trace(
     name, number, error, scenes, left_alone, tmp_path, monkeypatch
 ):
@@ -164,12 +165,17 @@ def test_a_signal_ends_a_training_after_its_step_and_leaves_no_trace(
         assert one.tobytes() == other.tobytes()
 
 
-def test_the_curve_goes_on_over_sessions(scenes, tmp_path, monkeypatch):
-    for moment in (2, 3):
+def interrupted_at(moments, train, monkeypatch):
+    """Sessions of a training that Ctrl-C ends at these iterations."""
+    for moment in moments:
         with monkeypatch.context() as patch:
             interrupting(patch, moment, signal.SIGINT)
             with pytest.raises(KeyboardInterrupt):
-                of_enhancement(tmp_path, None)
+                train()
+
+
+def test_the_curve_goes_on_over_sessions(tmp_path, monkeypatch):
+    interrupted_at((2, 3), lambda: of_enhancement(tmp_path, None), monkeypatch)
     of_enhancement(tmp_path, None)
     rows = (tmp_path / CURVE).read_text().splitlines()[1:]
     assert [row.split(",")[0] for row in rows] == ["2", "4", "5"]
@@ -177,11 +183,7 @@ def test_the_curve_goes_on_over_sessions(scenes, tmp_path, monkeypatch):
 
 def test_ctrl_c_that_workers_get_as_well_ends_the_training_after_its_step(left_alone, tmp_path, monkeypatch):
     expected = left_alone("enhancement")
-    with monkeypatch.context() as patch:
-        iterations = interrupting(patch, 2, signal.SIGINT)
-        with pytest.raises(KeyboardInterrupt):
-            of_enhancement(tmp_path, None, workers=2)
-    assert iterations == [0, 1, 2]
+    interrupted_at((2,), lambda: of_enhancement(tmp_path, None, workers=2), monkeypatch)
     assert not multiprocessing.active_children()  # none is left to be waited for
     for one, other in zip(expected, of_enhancement(tmp_path, None, workers=2), strict=True):
         assert one.tobytes() == other.tobytes()
@@ -291,14 +293,9 @@ def test_losses_that_come_later_or_are_not_in_every_step_have_columns_and_means_
     loop.run(Changing(250), tmp_path / CHECKPOINT, {}, 1e9)
     rows = learning_curve(tmp_path)  # every third step
     assert list(rows[0]) == ["step", "seconds", "loss", "numbers", "now and then", "late", "late numbers"]
-    told = [(row["step"], row["now and then"], row["late"], row["late numbers"]) for row in rows]
-    assert told[:4] == [
-        ("3", "0", "nan", "nan"),
-        ("6", "4", "nan", "nan"),
-        ("9", "8", "nan", "nan"),
-        ("12",) + 3 * ("nan",),
-    ]
-    assert told[33:35] == [("102", "100", "201", "101"), ("105", "104", "206", "104")]  # the first has steps 99 to 101
+    told = [" ".join(row[name] for name in ("step", "now and then", "late", "late numbers")) for row in rows]
+    assert told[:4] == ["3 0 nan nan", "6 4 nan nan", "9 8 nan nan", "12 nan nan nan"]
+    assert told[33:35] == ["102 100 201 101", "105 104 206 104"]  # the first has steps 99 to 101
     assert {curve.name: len(curve.points.split()) for curve in learning_curves(tmp_path)} == {
         "loss": 84, "numbers": 84, "now and then": 63, "late": 51, "late numbers": 51
     }  # fmt: skip
@@ -306,13 +303,10 @@ def test_losses_that_come_later_or_are_not_in_every_step_have_columns_and_means_
 
 def test_a_learning_curve_whose_losses_change_goes_on_over_sessions(tmp_path, monkeypatch):
     loop.run(Changing(250), tmp_path / "alone" / CHECKPOINT, {}, 1e9)
-    for moment in (0, 1, 98, 100, 103):  # the first before any row is there, others within one
-        with monkeypatch.context() as patch:
-            interrupting(patch, moment, signal.SIGINT)
-            with pytest.raises(KeyboardInterrupt):
-                loop.run(Changing(250), tmp_path / CHECKPOINT, {}, 1e9)
+    moments = (0, 1, 98, 100, 103)  # the first before any row is there, others within one
+    interrupted_at(moments, lambda: loop.run(Changing(250), tmp_path / CHECKPOINT, {}, 1e9), monkeypatch)
     loop.run(Changing(250), tmp_path / CHECKPOINT, {}, 1e9)
-    (rows, expected) = (learning_curve(folder) for folder in (tmp_path, tmp_path / "alone"))
+    rows, expected = (learning_curve(folder) for folder in (tmp_path, tmp_path / "alone"))
     assert [row | {"seconds": ""} for row in rows] == [row | {"seconds": ""} for row in expected]
 
 

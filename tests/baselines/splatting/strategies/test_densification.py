@@ -23,49 +23,47 @@ from hydroviews.scene.cameras import Camera
 from hydroviews.scene.scenes import Points, no_points
 
 
-def watched(gaussians, gradients):
+def grown(gradients, strategy=DefaultStrategy(), **rows):  # noqa: B008 (frozen)
+    """Small half-transparent Gaussians with these gradients, before and after growth; `rows` are changed first."""
+    n = len(gradients)
+    gaussians = replace(cloud(n, 1), opacity_logits=np.zeros(n, np.float32))
+    gaussians = with_values(gaussians, "log_scales", slice(None), np.log(0.001))
+    for name, (row, value) in rows.items():
+        gaussians = with_values(gaussians, name, row, value)
     state = fresh_state(gaussians)
-    state.gradient_sum[:] = gradients
-    state.seen[:] = 1
-    return state
-
-
-def generator():
-    return np.random.default_rng(0)
+    state.gradient_sum[:], state.seen[:] = gradients, 1
+    return gaussians, grow(state, strategy, 1.0, np.random.default_rng(0))
 
 
 def test_small_gaussians_are_cloned_and_large_ones_split():
-    gaussians = replace(cloud(10, 1), opacity_logits=np.zeros(10, np.float32))
-    gaussians = with_values(gaussians, "log_scales", slice(None), np.log(0.001))
-    gaussians = with_values(gaussians, "log_scales", 7, np.log(0.05))
-    gradients = np.zeros(10)
-    gradients[[2, 7]] = 1
-    after = grow(watched(gaussians, gradients), DefaultStrategy(), 1.0, generator())
+    before, after = grown(np.isin(np.arange(10), [2, 7]), log_scales=(7, np.log(0.05)))
     assert len(after.gaussians) == 12  # one more for number 2; two for number 7, which is gone
-    assert np.array_equal(after.gaussians.means[-3], gaussians.means[2])
+    assert np.array_equal(after.gaussians.means[-3], before.means[2])
     assert np.allclose(after.gaussians.log_scales[-2:], np.log(0.05 / 1.6))
     assert not after.gradient_sum.any()
     assert len(after.first.means) == 12
 
 
 def test_transparent_and_oversized_ones_are_removed():
-    gaussians = replace(cloud(10, 1), opacity_logits=np.zeros(10, np.float32))
-    gaussians = with_values(gaussians, "log_scales", slice(None), np.log(0.001))
-    gaussians = with_values(gaussians, "opacity_logits", 0, -10)
-    gaussians = with_values(gaussians, "log_scales", 1, np.log(0.2))
-    after = grow(watched(gaussians, np.zeros(10)), DefaultStrategy(), 1.0, generator())
-    assert np.array_equal(after.gaussians.means, gaussians.means[2:])
+    before, after = grown(np.zeros(10), opacity_logits=(0, -10), log_scales=(1, np.log(0.2)))
+    assert np.array_equal(after.gaussians.means, before.means[2:])
 
 
-@pytest.mark.parametrize(("budget", "growth", "expected"), [(107, 1.0, 107), (1000, 0.1, 110), (50, 1.0, 100)])
-def test_growth_stops_at_the_budget_and_takes_the_largest_gradients(budget, growth, expected):
-    gaussians = replace(cloud(100, 0), opacity_logits=np.zeros(100, np.float32))
-    gaussians = with_values(gaussians, "log_scales", slice(None), np.log(0.001))
-    strategy = DefaultStrategy(budget=budget, growth=growth)
-    after = grow(watched(gaussians, np.arange(100)), strategy, 1.0, generator())
+@pytest.mark.parametrize(
+    ("budget", "growth", "gradient", "expected"),
+    [
+        pytest.param(107, 1.0, np.arange(100), 107, id="up to the budget"),
+        pytest.param(1000, 0.1, np.arange(100), 110, id="by a share"),
+        pytest.param(50, 1.0, np.arange(100), 100, id="above the budget already"),
+        pytest.param(1000, 1.0, np.full(100, 1e-5), 100, id="no gradient"),
+        pytest.param(1000, 1.0, np.zeros(0), 0, id="nothing there"),
+    ],
+)
+def test_growth_stops_at_the_budget_and_takes_the_largest_gradients(budget, growth, gradient, expected):
+    before, after = grown(gradient, DefaultStrategy(budget=budget, growth=growth))
     assert len(after.gaussians) == expected
-    added = expected - 100
-    assert np.array_equal(after.gaussians.means[100:], gaussians.means[100 - added :])
+    added = expected - len(before)
+    assert np.array_equal(after.gaussians.means[len(before) :], before.means[len(before) - added :])
 
 
 def test_observed_gradients_are_by_half_the_image_size():
@@ -79,7 +77,7 @@ def test_observed_gradients_are_by_half_the_image_size():
 
 def test_split_positions_follow_the_shape():
     one = cloud(1, 0).map(lambda value: np.repeat(value, 20_000, axis=0))
-    parts = split_up(one, generator())
+    parts = split_up(one, np.random.default_rng(0))
     offsets = (parts.means - one.means[0]).astype(np.float64)
     axes = rotation_matrices(one.quaternions[:1])[0] * np.exp(one.log_scales[0])
     expected = axes @ axes.T
@@ -177,11 +175,10 @@ def test_schedule():
     assert all(sorted(order[k : k + 10]) == list(range(10)) for k in (0, 10, 20))
     assert order[:10] != order[10:20]
     assert [sh_degree_at(i, 100, 3) for i in (0, 99, 100, 250, 1000)] == [0, 0, 1, 2, 3]
-    rates = [rates_at(i, 100, LearningRates(final=0.1), 5.0, 1) for i in (0, 100)]
-    assert rates[0]["means"] == pytest.approx(5 * 1.6e-4)
-    assert rates[1]["means"] == pytest.approx(5 * 1.6e-6)
-    assert rates[1]["opacity_logits"] == pytest.approx(0.005)
-    assert rates[0]["sh"][0, 0] == pytest.approx(20 * rates[0]["sh"][1, 0])
+    first, last = (rates_at(i, 100, LearningRates(final=0.1), 5.0, 1) for i in (0, 100))
+    assert (first["means"], last["means"]) == pytest.approx((5 * 1.6e-4, 5 * 1.6e-6))
+    assert last["opacity_logits"] == pytest.approx(0.005)
+    assert first["sh"][0, 0] == pytest.approx(20 * first["sh"][1, 0])
 
 
 def test_all_rates_fall_faster_in_the_end():

@@ -38,15 +38,11 @@ def generator():
 
 
 def with_moments(gaussians):
-    state = fresh_state(gaussians)
+    state = replace(fresh_state(gaussians), iteration=1)
     for moments in (state.first, state.second):
         for value in moments.state_dict().values():
             value[:] = 1
     return state
-
-
-def after_a_step(gaussians):
-    return replace(fresh_state(gaussians), iteration=1)
 
 
 def test_equation_9_is_the_papers_double_sum():
@@ -120,7 +116,7 @@ def test_copies_may_be_spread_around_their_source():
 
 def test_more_points_than_the_budget_lose_the_most_transparent():
     gaussians = cloud(100, 1)
-    state = MCMCStrategy(budget=60, dead=0.0).refine(after_a_step(gaussians), 1.0, 0)
+    state = MCMCStrategy(budget=60, dead=0.0).refine(with_moments(gaussians), 1.0, 0)
     kept = np.sort(np.argsort(gaussians.opacity_logits)[40:])
     assert np.array_equal(state.gaussians.means, gaussians.means[kept])
     assert len(state.first) == len(state.seen) == 60
@@ -129,7 +125,7 @@ def test_more_points_than_the_budget_lose_the_most_transparent():
 def test_nothing_alive_and_nothing_at_all():
     dead = with_values(cloud(10, 0), "opacity_logits", slice(None), -20)
     assert relocate(fresh_state(dead), MCMCStrategy(), generator()).gaussians is dead
-    assert len(MCMCStrategy().refine(after_a_step(cloud(0, 0)), 1.0, 0).gaussians) == 0
+    assert len(MCMCStrategy().refine(with_moments(cloud(0, 0)), 1.0, 0).gaussians) == 0
     assert draw(np.array([0.0, 1, 0]), 50, generator()).tolist() == [1] * 50
 
 
@@ -168,9 +164,7 @@ def test_penalties_are_gradients_of_mean_opacity_and_mean_scale():
 def test_other_units_are_trained_the_same_way():
     one, other = (MCMCStrategy().step_options(7, 1e-4 * s, PAPER_EXTENT * s, 0) for s in (1.0, 10.0))
     assert one.noise.factor == pytest.approx(5e5 * 1e-4)
-    assert other.noise.factor == pytest.approx(
-        one.noise.factor / 10
-    )  # times a covariance 100 times as large: a step 10 times as long
+    assert other.noise.factor == pytest.approx(one.noise.factor / 10)  # times a covariance 100 times as large
     assert other.scale_penalty == pytest.approx(one.scale_penalty / 10)
 
 
