@@ -186,28 +186,23 @@ def test_an_interruption_ends_all_processes_and_the_same_command_goes_on(request
 
 
 def test_a_slurm_script_whose_tasks_are_the_runs(request_of, tmp_path):
-    script = tmp_path / "array.sh"
-    request = request_of(["MeanColour"], slurm=script, seeds=(0, 1), time_limit=1.5, memory_limit=2.0, threads=2)
+    """Also where names have what Slurm and shells take for something else."""
+    script, results = tmp_path / "array.sh", tmp_path / "20 % #1"
+    limits = {"time_limit": 1.5, "memory_limit": 2.0, "threads": 2}
+    request = request_of(["MeanColour"], slurm=script, results=results, seeds=(0, 1), **limits)
     assert sweep(request) == {}
     text = script.read_text()
     for line in ("--array=0-1", "--cpus-per-task=2", "--mem=3000M", "--time=120"):  # above the run's own limits
         assert f"#SBATCH {line}\n" in text
+    output = next(line for line in text.splitlines() if "--output" in line).removeprefix("#SBATCH ")
+    assert shlex.split(output, comments=True) == [f"--output={tmp_path}/20 %% #1/logs/slurm-%A-%a.log"]
     _, environment = command(request, "0")
     task = {**environment, "SLURM_ARRAY_TASK_ID": "1"}
     subprocess.run(["bash", str(script)], env=task, check=True, capture_output=True)
-    runs = sorted(path.parent.name for path in (tmp_path / "swept").rglob("record.json"))
+    runs = sorted(path.parent.name for path in results.rglob("record.json"))
     assert runs == ["seed-1"]
     sweep(request)  # the next script has what is missing
     assert "#SBATCH --array=0-0\n" in script.read_text()
-
-
-def test_a_slurm_script_of_a_folder_with_an_odd_name(request_of, tmp_path):
-    script, results = tmp_path / "array.sh", tmp_path / "20 % #1"
-    sweep(request_of(["MeanColour"], slurm=script, results=results))
-    output = next(line for line in script.read_text().splitlines() if "--output" in line)
-    assert shlex.split(output.removeprefix("#SBATCH "), comments=True) == [
-        f"--output={tmp_path}/20 %% #1/logs/slurm-%A-%a.log"
-    ]
 
 
 def test_ray_is_not_installed_or_nothing_answers(request_of, monkeypatch):

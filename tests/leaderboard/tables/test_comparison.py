@@ -60,11 +60,7 @@ def add_run(results, method, scene, pattern):
 def test_suites_stand_apart_and_one_can_be_asked_for(results, capsys):
     compare_command(results=results)
     printed = capsys.readouterr().out
-    titles = [
-        "Suite test, demo, given-poses",
-        "Suite development, demo, given-poses",
-        "Other scenes, demo, given-poses",
-    ]
+    titles = [f"{suite}, demo, given-poses" for suite in ("Suite test", "Suite development", "Other scenes")]
     assert [printed.count(title) for title in titles] == [1, 1, 1]
     assert printed.index(titles[0]) < printed.index(titles[1]) < printed.index(titles[2])
     assert printed.count("Means over the 1 runs that all of them have, on 1 scene, 3 views.") == 3

@@ -227,12 +227,6 @@ class TestRuns:
             open_run(run.folder.with_name("seed-7"), run.data.parent)
         assert str(run.folder) in str(refusal.value)
 
-    def test_an_unfinished_run_is_refused(self, tmp_path):
-        folder = tmp_path / "results/demo/3dgs/yard/streak-0/seed-0"
-        write_json(folder / "config.json", {})
-        with pytest.raises(InputError, match="training has not finished"):
-            open_run(folder, tmp_path)
-
     @pytest.mark.parametrize("name", ["seed-0", "seed-5", "my favourite"])
     def test_a_run_is_what_its_settings_say_wherever_it_lies(self, run, tmp_path, name):
         moved = tmp_path / name
@@ -245,13 +239,15 @@ class TestRuns:
 
     @pytest.mark.parametrize("settings", [[], {}, {"method": "3dgs"}, {"seed": "0"}])
     def test_settings_that_are_none_are_refused(self, run, tmp_path, settings):
-        moved = tmp_path / "moved"
-        shutil.copytree(run.folder, moved)
-        write_json(moved / "config.json", settings)
+        write_json(Path(shutil.copytree(run.folder, tmp_path / "moved")) / "config.json", settings)
         with pytest.raises(InputError, match=r"config\.json: not the settings of a run"):
-            open_run(moved, run.data.parent)
+            open_run(tmp_path / "moved", run.data.parent)
 
-    def test_other_data_are_refused(self, run, tmp_path):
+    def test_unfinished_runs_and_other_data_are_refused(self, run, tmp_path):
+        folder = tmp_path / "results/demo/3dgs/yard/streak-0/seed-0"
+        write_json(folder / "config.json", {})
+        with pytest.raises(InputError, match="training has not finished"):
+            open_run(folder, tmp_path)
         with pytest.raises(InputError, match="no finished scene yard"):
             open_run(run.folder, tmp_path)
 
