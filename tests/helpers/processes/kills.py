@@ -1,4 +1,4 @@
-"""Commands that are killed or run out of disk, and whether they go on to the bytes of an undisturbed run."""
+"""Commands that are killed, and whether they go on to the bytes of an undisturbed run."""
 
 import hashlib
 import multiprocessing

@@ -134,6 +134,10 @@ def test_on_a_gpu_there_is_no_telling_where_trainings_differ(case):
     assert set(found.values()) == {Result.PASSED, Result.NOT_TESTABLE}
 
 
+def test_on_a_gpu_the_same_bits_pass(case):
+    assert set(results(case("ExactOnACard")).values()) == {Result.PASSED}
+
+
 @pytest.fixture
 def only(monkeypatch):
     """Lets `check` make some checks alone, in a process that can import the toys."""
