@@ -11,7 +11,6 @@ from field_rays import SPACE, batch, context, noise, rays, samples, shaded, stay
 from baselines.cr_nerf.config import CrNerfConfig, StyleConfig, TransformConfig, TransientConfig
 from baselines.cr_nerf.losses import cr_nerf_losses
 from baselines.cr_nerf.model import KEPT, CrNerfModel
-from baselines.cr_nerf.transients import read
 from baselines.training.images import TrainingImages
 from baselines.volumetric.compositing import INFINITE
 from baselines.volumetric.rays.photographs import as_seen
@@ -138,16 +137,6 @@ def test_rays_see_their_views_style_or_the_mean_one():
         after = made(of.rays, context(of)).colour
     changed = (after - before).abs().amax(1) > 1e-5
     assert changed.tolist() == [i % 2 == 0 for i in range(50)]
-
-
-def test_rays_have_the_masks_of_their_views_photographs():
-    made = model()
-    of = replace(batch(60), views=torch.arange(3).repeat_interleave(20).flip(0))
-    with torch.no_grad():
-        m = made(of.rays, context(of)).extras["m"]
-        masks = made._masks(torch.arange(3))
-    torch.testing.assert_close(m, read(masks, of.views, of.places))
-    assert (masks[0] - masks[1]).abs().max() > 0.01
 
 
 def test_what_is_kept_is_that_of_the_last_visit_and_the_mean_of_steps():
