@@ -1,6 +1,5 @@
 """NimbusGS on small made-up scenes. Thresholds of what it has to gain were written down before the first run."""
 
-import logging
 from dataclasses import replace
 
 import numpy as np
@@ -134,19 +133,6 @@ def test_a_medium_that_was_given_up_stays_so_when_a_run_goes_on(tmp_path, judged
     assert whole._objective.given_up
     assert resumed._objective.given_up
     assert "medium none" in resumed.summary().used
-
-
-@pytest.mark.parametrize(("case", "said"), [("one view", "cannot separate"), ("all outliers", "residuals hold")])
-def test_views_that_cannot_tell_rain_from_scene_are_said(tmp_path, case, said, caplog):
-    scene = photographed(tmp_path, n_views=8)
-    if case == "one view":
-        scene = replace(scene, split=replace(scene.split, train=scene.split.train[:1]))
-    else:
-        noise = np.random.default_rng(0)
-        scene = disturbed(scene, tmp_path / "changed", lambda picture, index: noise.random(picture.shape))
-    with caplog.at_level(logging.INFO):
-        fitted(Nimbus, BRIEF, scene, tmp_path / "run")
-    assert said in caplog.text
 
 
 def test_pixels_of_the_residual_pull_at_nothing():

@@ -79,6 +79,13 @@ def test_degrees_rise_one_step_later_and_rates_fall_from_the_first_step():
     assert rates_at(0, 30_000, LearningRates(), 1.0, 3)["means"] == pytest.approx(1.6e-4)
 
 
+def test_misplaced_cameras_do_not_stretch_the_extent():
+    cameras = [camera(40, 30, angle) for angle in np.linspace(0, 6, 12)]
+    stray = [*cameras, camera(40, 30, origin=(1000, 0, 0))]
+    nothing = np.zeros((0, 3))
+    assert scene_extent(stray, nothing)[1] == pytest.approx(scene_extent(cameras, nothing)[1])
+
+
 def test_a_lonely_point_starts_no_larger_than_a_share_of_the_extent():
     cameras = [camera(40, 30, angle) for angle in np.linspace(0, 6, 12)]
     positions = np.random.default_rng(0).normal(0, 0.1, (120, 3))

@@ -43,12 +43,6 @@ def shown(appearance, gaussians=None, view=0):
     return AppearanceGaussians(with_appearance(gaussians or opaque(), appearance), appearance, VIEW, view, 1)
 
 
-def test_the_first_look_has_the_points_colours():
-    gaussians = opaque()
-    found = shown(appearance_of(), gaussians)
-    assert np.array_equal(found.sh[0], gaussians.sh[found.rows])
-
-
 def test_colours_are_what_the_layers_say_of_codes_and_intrinsic_numbers():
     colours = restless(appearance_of()).colours
     codes, intrinsic = torch.rand(7, 2 * SEEING.code), torch.rand(7, SEEING.intrinsic)

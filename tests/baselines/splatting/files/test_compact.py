@@ -43,15 +43,6 @@ def test_spherical_harmonics_are_cut_to_a_degree():
         cut_to_degree(cut, 3)
 
 
-def test_neighbours_lie_together():
-    grid = np.stack(np.meshgrid(*[np.arange(8)] * 3), axis=-1).reshape(-1, 3).astype(np.float32)
-    shuffled = grid[np.random.default_rng(0).permutation(len(grid))]
-    order = neighbouring_order(shuffled)
-    assert sorted(order) == list(range(len(grid)))
-    boxes = shuffled[order].reshape(8, 64, 3)  # runs of 64 are cubes of 4
-    assert np.array_equal(np.ptp(boxes, axis=1), np.full((8, 3), 3))
-
-
 class TestCompressed:
     @pytest.fixture(autouse=True)
     def library(self):
