@@ -18,7 +18,7 @@ from hydroviews.profiles import find_profile
 from hydroviews.scene.alignment import Similarity
 from hydroviews.scene.images import resize_area, write_png
 from hydroviews.scene.scenes import Points, View, make_scene
-from leaderboard.evaluate import EvaluateRequest, carry_out, evaluate
+from leaderboard.evaluate import carry_out, evaluate
 from leaderboard.runs import estimated_cameras
 from leaderboard.runs.run import Run
 from leaderboard.runs.supervision import Limits
@@ -31,21 +31,15 @@ LONGER = 1.02  # estimated over true focal length
 
 @pytest.fixture
 def built(evaluated_once, tmp_path):
-    """A data folder with a built scene, and an empty results folder beside it."""
-    for name in ("data", "yard"):
-        shutil.copytree(evaluated_once[0] / name, tmp_path / name)
+    """A folder with built data, and no results."""
+    shutil.copytree(evaluated_once[0] / "data", tmp_path / "data")
     return tmp_path
 
 
-def request(built: Path, method: str = "MeanColour", **changes) -> EvaluateRequest:
-    settings = {
-        "scene": str(built / "yard"),
-        "patterns": ("streak-0",),
-        "data": built / "data",
-        "results": built / "results",
-        "track": "rainy-poses",
-    }
-    return EvaluateRequest(method=f"toy_methods:{method}", **{**settings, **changes})
+@pytest.fixture
+def outcome(built, request_of):
+    """The record of a toy method in this track."""
+    return lambda method="MeanColour": evaluate(request_of(method, track="rainy-poses"))[-1]
 
 
 def run_of(built: Path, method: str = "MeanColour", pattern: str = "streak-0") -> Run:
@@ -75,9 +69,9 @@ def pretend(built: Path, monkeypatch, registered: int, move=lambda pose: ELSEWHE
     return calls
 
 
-def test_trains_on_registered_views_in_the_clean_world_and_scores_all_held_out_ones(built, monkeypatch):
+def test_trains_on_registered_views_in_the_clean_world_and_scores_all_held_out_ones(built, outcome, monkeypatch):
     calls = pretend(built, monkeypatch, registered=5)
-    record = evaluate(request(built))[-1]
+    record = outcome()
     assert (record.status, record.track, record.n_train, record.n_test) == ("done", "rainy-poses", 5, 2)
     assert (record.registered, record.photographs) == (5, 7)
     assert record.pose_auc_5 == pytest.approx(10 / 21, abs=1e-6)
@@ -114,27 +108,27 @@ def test_a_method_is_lent_estimated_cameras_and_no_others(built, monkeypatch):
         assert not loan.spoilt()
 
 
-def test_methods_share_cameras_and_clean_views_have_their_own(built, monkeypatch):
+def test_methods_share_cameras_and_clean_views_have_their_own(built, outcome, monkeypatch):
     calls = pretend(built, monkeypatch, registered=7)
-    evaluate(request(built))
+    outcome()
     rainy = {images.parent.parent.name: options["rainy"] for images, options in calls}
     assert rainy == {"clean": False, "streak-0": True}  # the ceiling's, the floor's
-    evaluate(request(built, "Raises"))
+    outcome("Raises")
     assert len(calls) == 2
 
 
-def test_goes_on_after_an_interruption(built, monkeypatch):
+def test_goes_on_after_an_interruption(built, outcome, monkeypatch):
     def stop():
         raise KeyboardInterrupt
 
     pretend(built, monkeypatch, registered=7, begun=stop)
     with pytest.raises(KeyboardInterrupt):
-        evaluate(request(built))
+        outcome()
     cameras = run_of(built, pattern="clean").cameras
     linked = sorted(path.name for path in (cameras / "photographs").iterdir())
     assert not (cameras / "errors.json").exists()
     pretend(built, monkeypatch, registered=7)
-    assert evaluate(request(built))[-1].status == "done"
+    assert outcome().status == "done"
     assert sorted(path.name for path in (cameras / "photographs").iterdir()) == linked
 
 
@@ -142,9 +136,9 @@ def test_goes_on_after_an_interruption(built, monkeypatch):
     ("registered", "reason"),
     [(3, "3 of 7 photographs registered, fewer than 4"), (2, "only 2 of 7 photographs could be registered")],
 )
-def test_too_few_registered_views_are_a_failed_row_with_the_reason(built, monkeypatch, registered, reason):
+def test_too_few_registered_views_are_a_failed_row_with_the_reason(built, outcome, monkeypatch, registered, reason):
     pretend(built, monkeypatch, registered=registered)
-    record = evaluate(request(built))[-1]
+    record = outcome()
     assert record.status == "failed"
     assert reason in record.reason
     assert (record.registered, record.photographs, record.scores) == (registered, 7, {})
@@ -154,12 +148,12 @@ def test_too_few_registered_views_are_a_failed_row_with_the_reason(built, monkey
         run_of(built).training_scene()
 
 
-def test_cameras_that_cannot_be_aligned_are_a_failed_row(built, monkeypatch):
+def test_cameras_that_cannot_be_aligned_are_a_failed_row(built, outcome, monkeypatch):
     def in_one_place(pose):
         return np.vstack([np.hstack([pose[:3, :3], np.zeros((3, 1))]), pose[3:]])
 
     pretend(built, monkeypatch, registered=7, move=in_one_place)
-    record = evaluate(request(built))[-1]
+    record = outcome()
     assert record.status == "failed"
     assert "in one place" in record.reason
     assert (record.registered, record.rotation_error) == (7, None)
