@@ -50,10 +50,9 @@ def test_loss_and_gradient_match_autograd(size, share, kind):
     ignored, weights = plane < 0.1 if kind == "masked" else None, plane if kind == "weighted" else None
     loss, gradient = photometric_loss(image, target_of(target, ignored), share, weights)
     exact, expected = exactly(image, target, share, ignored, weights)
-    assert loss == pytest.approx(exact, abs=1e-6)
-    assert np.linalg.norm(gradient - expected) < 2e-5 * np.linalg.norm(expected) + 1e-9
-    if size in LARGE:
-        assert np.linalg.norm(gradient - expected) < 2e-6 * np.linalg.norm(expected)
+    tolerance = 1 if size in LARGE else 10  # few windows do not average out what rounding leaves of their variances
+    assert loss == pytest.approx(exact, abs=2e-7 * tolerance)
+    assert np.linalg.norm(gradient - expected) < 2e-6 * tolerance * np.linalg.norm(expected) + 1e-9
 
 
 @pytest.mark.parametrize("size", [(1, 1), (4, 3), (27, 22)])
