@@ -21,6 +21,8 @@ from baselines.splatting.strategies.densification import (
 from baselines.splatting.strategies.initialisation import initialise, scene_extent
 from hydroviews.scene.scenes import Points, no_points
 
+CAMERAS = [camera(10, 10, angle) for angle in (0, 2, 4)]
+
 
 def grown(gradients, strategy=DefaultStrategy(), **rows):  # noqa: B008 (frozen)
     """Small half-transparent Gaussians with these gradients, before and after growth; `rows` are changed first."""
@@ -102,29 +104,26 @@ def test_when_things_are_due():
 def test_initial_gaussians_sit_on_the_points():
     grid = np.stack(np.meshgrid(*[np.arange(6.0)] * 3), -1).reshape(-1, 3)
     colours = np.random.default_rng(0).integers(0, 256, grid.shape, np.uint8)
-    cameras = [camera(10, 10, a) for a in (0, 2, 4)]
-    gaussians = initialise(Points(grid, colours), cameras, 2, 0)
+    gaussians = initialise(Points(grid, colours), CAMERAS, 2, 0)
     assert np.allclose(gaussians.means, grid)
-    assert np.allclose(np.exp(gaussians.log_scales), 0.05 * scene_extent(cameras, grid)[1])
+    assert np.allclose(np.exp(gaussians.log_scales), 0.05 * scene_extent(CAMERAS, grid)[1])
     assert np.allclose(0.5 + 0.28209479 * gaussians.sh[:, 0], colours / 255, atol=1e-6)
     assert np.allclose(1 / (1 + np.exp(-gaussians.opacity_logits)), 0.1)
-    fine = initialise(Points(grid / 100, colours), cameras, 2, 0)
+    fine = initialise(Points(grid / 100, colours), CAMERAS, 2, 0)
     assert np.allclose(np.exp(fine.log_scales), 0.01)
 
 
 def test_without_points_gaussians_are_drawn_around_the_cameras():
-    cameras = [camera(10, 10, a) for a in (0, 2, 4)]
-    one, two, other = (initialise(no_points(), cameras, 0, seed) for seed in (0, 0, 1))
+    one, two, other = (initialise(no_points(), CAMERAS, 0, seed) for seed in (0, 0, 1))
     assert len(one) == 10_000
     assert np.array_equal(one.means, two.means)
     assert not np.array_equal(one.means, other.means)
 
 
 def test_impossible_points_are_left_out_and_told(caplog):
-    cameras = [camera(10, 10, a) for a in (0, 2, 4)]
     positions = np.random.default_rng(0).uniform(-1, 1, (150, 3))
     positions[:40, 1], positions[40:60, 2] = np.nan, 1e308
-    gaussians = initialise(Points(positions, np.zeros((150, 3), np.uint8)), cameras, 0, 0)
+    gaussians = initialise(Points(positions, np.zeros((150, 3), np.uint8)), CAMERAS, 0, 0)
     assert np.isfinite(gaussians.means).all()
     assert len(gaussians) == 90 + 10_000
     assert "60 of 150 points left out" in caplog.text
