@@ -1,4 +1,6 @@
 import shutil
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -115,6 +117,21 @@ def test_methods_share_cameras_and_clean_views_have_their_own(built, outcome, mo
     assert rainy == {"clean": False, "streak-0": True}  # the ceiling's, the floor's
     outcome("Raises")
     assert len(calls) == 2
+
+
+def test_two_evaluations_at_once_estimate_once(built, monkeypatch):
+    begun, both = [], threading.Barrier(2)
+
+    def start():
+        begun.append(threading.get_ident())
+        both.wait(0.5) if len(begun) > 1 else None  # passes only if both are in here
+
+    calls = pretend(built, monkeypatch, registered=7, begun=start)
+    run = run_of(built)
+    with ThreadPoolExecutor(2) as pool:
+        first, second = pool.map(lambda _: run.estimate(), range(2))
+    assert first == second
+    assert len(calls) == 1
 
 
 def test_goes_on_after_an_interruption(built, outcome, monkeypatch):
