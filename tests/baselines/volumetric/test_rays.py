@@ -8,7 +8,7 @@ import torch
 from splats import camera
 
 from baselines.volumetric.rays.rays import WorldRays, camera_rays, depth_range
-from baselines.volumetric.rays.spaces import NDC, Contracted, choose_space, contract, expand
+from baselines.volumetric.rays.spaces import NDC, Contracted, choose_space, contract, expand, space_from
 from hydroviews.errors import InputError
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.scenes import Points, no_points
@@ -95,6 +95,12 @@ def test_cameras_all_round_are_contracted_into_the_unit_ball():
     assert torch.allclose(rays.viewing.norm(dim=1), torch.ones(300))
     t = space.s_to_t(torch.tensor([0.0, 0.5, 1.0]))
     np.testing.assert_allclose(t, [space.near, np.sqrt(space.near * space.far), space.far], rtol=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["contracted", "ndc"])
+def test_a_space_comes_back_from_what_is_written_of_it(kind):
+    space = choose_space(forward_cameras(), points_at([3.0]), kind)
+    assert space_from(space.settings()) == space
 
 
 def test_what_cannot_be_a_space_is_refused():

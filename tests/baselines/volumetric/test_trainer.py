@@ -9,11 +9,13 @@ import torch
 from balls import SMALL, photographed
 
 from baselines.training.checkpoints import CHECKPOINT
+from baselines.training.images import TrainingImages
 from baselines.volumetric.config import MlpFieldConfig
 from baselines.volumetric.losses import photometric_losses
 from baselines.volumetric.model import RadianceModel
 from baselines.volumetric.trainer import rate_at, train
 from hydroviews.errors import InputError
+from hydroviews.scene.images import to_uint8
 
 SHORT = replace(SMALL, iterations=30, rays=64, proposal_always=10)
 
@@ -73,6 +75,16 @@ def test_bad_input_is_refused(scene, tmp_path):
     (tmp_path / CHECKPOINT).write_bytes(b"nothing")
     with pytest.raises(InputError, match="damaged"):
         fit(scene, SHORT, tmp_path)
+
+
+@pytest.mark.parametrize("masked", [0, 10])  # the rest is the method's doing
+def test_where_a_method_hides_what_masks_do_not_it_is_told(scene, tmp_path, masked):
+    mask = np.broadcast_to(np.arange(32) < masked, (24, 32))
+    pictures = [to_uint8(view.image()) for view in scene.train_views]
+    images = TrainingImages(pictures, [mask if masked else None for _ in pictures])
+    weights = [np.zeros((24, 32), np.float32) for _ in pictures]
+    with pytest.raises(InputError, match=r"no pixel counts\n.*weights of the method itself"):
+        fit(scene, SHORT, tmp_path, images=images, weights=weights)
 
 
 def test_rates_rise_and_fall():
