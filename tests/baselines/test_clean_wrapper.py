@@ -15,11 +15,6 @@ def test_a_method_is_shown_the_clean_views_alone():
     assert needed_patterns("3dgs+clean", ["streak-1", "raindrop-1"]) == ["clean"]
 
 
-def test_only_what_it_is_shown_changes():
-    for profile in ("demo", "quick", "paper"):
-        assert on_clean(GaussianSplatting).configuration(profile) == GaussianSplatting.configuration(profile)
-
-
 def test_the_references_are_such_methods():
     assert find_method("3dgs-clean") is find_method("3dgs+clean")
     assert find_method("3dgs-budget-clean") is find_method("3dgs-budget+clean")

@@ -70,6 +70,24 @@ def evaluated_once(tmp_path_factory):
 
 
 @pytest.fixture
+def run(evaluated, tmp_path):
+    """That of MeanColour."""
+    return Run("toy_methods:MeanColour", "demo", 0, tmp_path / "data/demo", "yard", "streak-0", tmp_path / "results")
+
+
+@pytest.fixture
+def request_of(evaluated_once, tmp_path):
+    """Makes a request for a toy method on that capture, with data and results in `tmp_path`."""
+
+    def of(method="MeanColour", **changes):
+        settings = {"scene": str(evaluated_once[0] / "yard"), "patterns": ("streak-0",)}
+        where = {"data": tmp_path / "data", "results": tmp_path / "results"}
+        return evaluate.EvaluateRequest(f"toy_methods:{method}", **{**settings, **where, **changes})
+
+    return of
+
+
+@pytest.fixture
 def evaluated(evaluated_once, tmp_path):
     """The record of MeanColour; data and results are in `tmp_path`, for the test to change."""
     folder, records = evaluated_once

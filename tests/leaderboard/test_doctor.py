@@ -11,44 +11,34 @@ from leaderboard import doctor
 from leaderboard.doctor import LATER, MISSING, OK, Finding
 
 
-@pytest.fixture
-def fake_bpy(tmp_path, monkeypatch):
-    """Puts a module of the given text in bpy's place, for processes started from here."""
-
-    def install(text: str) -> None:
-        (tmp_path / "bpy.py").write_text(text)
-        monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-
-    return install
-
-
-def test_blender_that_works(fake_bpy):
-    fake_bpy("from types import SimpleNamespace\napp = SimpleNamespace(version_string='5.0.1')\nprint('noise')")
-    assert doctor.blender() == Finding("Blender", OK, "bpy 5.0.1")
-
-
-def test_no_blender_for_this_python(fake_bpy):
-    fake_bpy("raise ModuleNotFoundError(\"No module named 'bpy'\", name='bpy')")
-    found = doctor.blender()
-    assert found.state == MISSING
-    assert "`hydroviews reconstruct` works without it" in found.found
-    assert "pip install 'hydroviews[blender]'" in found.fix
-    older = doctor.python_version((3, 12))
-    assert (older.state, older.fix) == (LATER, "make setup PYTHON=python3.11")
-    assert doctor.python_version((3, 11)).state == doctor.python_version((3, 13)).state == OK
+@pytest.mark.parametrize(
+    ("bpy", "state", "found", "fix"),
+    [
+        ("from types import SimpleNamespace\napp = SimpleNamespace(version_string='5.0.1')", OK, "bpy 5.0.1", ""),
+        (
+            "raise ModuleNotFoundError(\"No module named 'bpy'\", name='bpy')",
+            MISSING,
+            "`hydroviews reconstruct` works without it",
+            "pip install 'hydroviews[blender]'",
+        ),
+        ("raise ImportError('libX11.so.6: cannot open')", MISSING, "libX11.so.6", f"apt-get install {SYSTEM_PACKAGES}"),
+        ("import os\nos.abort()", MISSING, "exit status -6", ""),
+    ],
+    ids=["works", "not installed", "no X11", "dies"],
+)
+def test_blender(tmp_path, monkeypatch, bpy, state, found, fix):
+    """A module of the given text in bpy's place, for processes started from here."""
+    (tmp_path / "bpy.py").write_text(bpy)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    told = doctor.blender()
+    assert told.state == state
+    assert found in told.found
+    assert fix in told.fix
 
 
-def test_no_x11(fake_bpy):
-    fake_bpy("raise ImportError('libX11.so.6: cannot open shared object file: No such file or directory')")
-    found = doctor.blender()
-    assert found.state == MISSING
-    assert "libX11.so.6" in found.found
-    assert found.fix == f"apt-get install {SYSTEM_PACKAGES}"
-
-
-def test_blender_that_dies_is_no_traceback(fake_bpy):
-    fake_bpy("import os\nos.abort()")
-    assert "exit status -6" in doctor.blender().found
+@pytest.mark.parametrize(("version", "state"), [((3, 11), OK), ((3, 12), LATER), ((3, 13), OK)])
+def test_pythons_that_have_a_blender(version, state):
+    assert doctor.python_version(version).state == state
 
 
 @pytest.mark.parametrize(("free", "state"), [(1.2, MISSING), (30.0, OK)])

@@ -15,7 +15,7 @@ from hydroviews import metrics
 from hydroviews.errors import InputError
 from hydroviews.scene.images import read_image, write_png
 from leaderboard import gather
-from leaderboard.evaluate import EvaluateRequest, evaluate
+from leaderboard.evaluate import evaluate
 from leaderboard.gather import write_leaderboard
 from leaderboard.records import SCHEMA, read_record, write_record
 from leaderboard.runs import sessions
@@ -39,24 +39,21 @@ def test_a_record_of_before_is_read_and_a_metric_that_it_lacks_makes_it_partial(
 
 
 @pytest.mark.usefixtures("toys", "trained_here")
-def test_a_metric_that_could_not_be_had_is_completed_by_the_next_evaluation(evaluated, evaluated_once, tmp_path):
+def test_a_metric_that_could_not_be_had_is_completed_by_the_next_evaluation(evaluated, request_of, tmp_path):
     def offline(image, target, ignored):
         raise InputError("no weights", fix="go online")
 
-    where = {"data": tmp_path / "data", "results": tmp_path / "results", "patterns": ("streak-0",)}
-    request = EvaluateRequest("toy_methods:MeanColour", str(evaluated_once[0] / "yard"), **where)
-    record = tmp_path / "results" / RUN / "record.json"
-    record.unlink()
+    (tmp_path / "results" / RUN / "record.json").unlink()
     with pytest.MonkeyPatch.context() as network:
         broken = (*metrics.METRICS[:3], replace(metrics.METRICS[3], function=offline))
         network.setattr(score, "find_metrics", lambda: broken)
-        partial = evaluate(request)[-1]
+        partial = evaluate(request_of())[-1]
     assert (partial.status, partial.reason) == ("partial", "lpips_vgg: no weights")
     table = pd.read_csv(tmp_path / "results" / "leaderboard.csv")
     assert list(table.status) == ["done", "partial"]
     assert table.psnr[1] == evaluated.scores["psnr"]
     assert pd.isna(table.lpips_vgg[1])
-    assert evaluate(request)[-1] == evaluated
+    assert evaluate(request_of())[-1] == evaluated
 
 
 def test_what_was_scored_has_a_digest_that_tells_renders_apart(tmp_path):

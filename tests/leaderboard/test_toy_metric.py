@@ -11,7 +11,7 @@ from synthetic import capture_in
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.formats.writers import write_colmap
-from hydroviews.metrics import METRICS, find_metrics
+from hydroviews.metrics import find_metrics
 from hydroviews.scene.images import read_image
 from leaderboard.evaluate import EvaluateRequest, evaluate
 from leaderboard.gather import collect
@@ -115,7 +115,3 @@ def test_what_is_no_metric_is_refused(register, value, message):
     register(value)
     with pytest.raises(InputError, match=message):
         find_metrics()
-
-
-def test_nothing_registered_leaves_ours(register):
-    assert find_metrics() == METRICS

@@ -6,6 +6,7 @@ import shutil
 import signal
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -57,44 +58,48 @@ class MeanColour(Method):
         return TrainingSummary(train_seconds=0.5, n_primitives=None, model_mb=0.001, device="cpu")
 
 
-class MeanColourClean(MeanColour):
-    trains_on = "clean"
+def _toy(**parts: object) -> type[MeanColour]:
+    """MeanColour with other parts."""
+    return type("Toy", (MeanColour,), parts)
 
 
-class Raises(MeanColour):
-    def fit(self, scene: Scene, folder: Path) -> None:
-        raise ArithmeticError("diverged at step 7")
+def _raises(error: Exception) -> Callable:
+    def fail(*_: object) -> None:
+        raise error
+
+    return fail
 
 
-class Killed(MeanColour):
-    def fit(self, scene: Scene, folder: Path) -> None:
-        os.kill(os.getpid(), signal.SIGKILL)
+def _after_fit(deed: Callable[[Scene, Path], object]) -> type[MeanColour]:
+    """Trains as MeanColour does, and then does something with the scene and the folder."""
+
+    def fit(self: MeanColour, scene: Scene, folder: Path) -> None:
+        MeanColour.fit(self, scene, folder)
+        deed(scene, folder)
+
+    return _toy(fit=fit)
 
 
-class Refuses(MeanColour):
-    def fit(self, scene: Scene, folder: Path) -> None:
-        raise InputError("camera.bin: this is no scene for me")
-
-
-class RefusesToRender(MeanColour):
-    def render(self, camera: Camera) -> Image:
-        raise InputError("camera: too wide for me")
+MeanColourClean = _toy(trains_on="clean")
+Raises = _toy(fit=_raises(ArithmeticError("diverged at step 7")))
+Refuses = _toy(fit=_raises(InputError("camera.bin: this is no scene for me")))
+RefusesToRender = _toy(render=_raises(InputError("camera: too wide for me")))
+Rambles = _toy(fit=_raises(ValueError("\ud800\x1b[31m" + 1_000_000 * "x")))
+OddConfiguration = _toy(configuration=_raises(ArithmeticError("no settings today")))
+Killed = _toy(fit=lambda *_: os.kill(os.getpid(), signal.SIGKILL))
+Hangs = _toy(fit=lambda *_: time.sleep(600))
+EatsMemory = _toy(fit=lambda *_: np.ones(6 * 10**9, np.uint8))
+NoGpu = _toy(fit=lambda *_: chosen_device("cuda:9"))  # finds the machine not as it has to be
+RendersTooSmall = _toy(render=lambda self, camera: MeanColour.render(self, camera)[1:])
+RendersNan = _toy(render=lambda self, camera: np.float32("nan") * MeanColour.render(self, camera))
+NothingLeft = _toy(summary=lambda self: replace(MeanColour.summary(self), n_primitives=0))
+NumpyScalars = _toy(summary=lambda self: TrainingSummary(np.float32(0.5), np.int64(7), np.float64(0.001), "cpu"))
 
 
 class FillsTheDisk(MeanColour):
     def save(self, folder: Path) -> None:
         with plain_write_errors(folder / "colour.json"):
             raise OSError(errno.ENOSPC, "No space left on device")
-
-
-class RendersTooSmall(MeanColour):
-    def render(self, camera: Camera) -> Image:
-        return super().render(camera)[1:]
-
-
-class EatsMemory(MeanColour):
-    def fit(self, scene: Scene, folder: Path) -> None:
-        np.ones(6 * 10**9, np.uint8)
 
 
 class PrintsGarbageAndChangesInput(MeanColour):
@@ -114,11 +119,6 @@ class PrintsGarbageAndChangesInput(MeanColour):
         return image
 
 
-class RendersNan(MeanColour):
-    def render(self, camera: Camera) -> Image:
-        return super().render(camera) * np.float32("nan")
-
-
 class WaitsOnce(MeanColour):
     """Trains for ever the first time it is asked to, as an interrupted run would."""
 
@@ -129,68 +129,24 @@ class WaitsOnce(MeanColour):
         super().fit(scene, folder)
 
 
-class Hangs(MeanColour):
-    def fit(self, scene: Scene, folder: Path) -> None:
-        time.sleep(600)
+def _write_over(scene: Scene, _: Path) -> None:
+    for view in scene.train_views:
+        view.path.chmod(0o644)
+        view.path.write_bytes(b"mine now")
 
 
-class Troubles(MeanColour):
-    """Makes trouble of another kind on every pattern but heavy streaks."""
-
-    def fit(self, scene: Scene, folder: Path) -> None:
-        super().fit(scene, folder)
-        if folder.parent.name == "streak-0":
-            shutil.rmtree(folder)
-        if folder.parent.name == "streak-1":
-            os._exit(130)
+def _forge(scene: Scene, _: Path) -> None:
+    """Look for the ground truth around the photographs, and for all other pictures that are not shown."""
+    shown = {view.path for view in scene.train_views}
+    data = scene.train_views[0].path.parents[2 if scene.train_views[0].path.parent.name == "clean" else 3]
+    for path in set(data.rglob("*.png")) - shown:
+        path.write_bytes(b"forged")
+        raise AssertionError(f"{path} is in reach")
 
 
-class NothingLeft(MeanColour):
-    def summary(self) -> TrainingSummary:
-        return replace(super().summary(), n_primitives=0)
-
-
-class Rambles(MeanColour):
-    """An error as long as a book, with what is no character; and so is what it used."""
-
-    def fit(self, scene: Scene, folder: Path) -> None:
-        raise ValueError("\ud800\x1b[31m" + 1_000_000 * "x")
-
-
-class OddConfiguration(MeanColour):
-    @classmethod
-    def configuration(cls, profile: str) -> Config:
-        raise ArithmeticError("no settings today")
-
-
-class Vandal(MeanColour):
-    """Writes over the photographs it is shown."""
-
-    def fit(self, scene: Scene, folder: Path) -> None:
-        super().fit(scene, folder)
-        for view in scene.train_views:
-            view.path.chmod(0o644)
-            view.path.write_bytes(b"mine now")
-
-
-class VandalAtOnce(Vandal):
-    """And looks at them afterwards."""
-
-    def fit(self, scene: Scene, folder: Path) -> None:
-        super().fit(scene, folder)
-        scene.train_views[0].image()
-
-
-class Forger(MeanColour):
-    """Looks for the ground truth around the photographs it is shown, and for all other pictures that it is not."""
-
-    def fit(self, scene: Scene, folder: Path) -> None:
-        super().fit(scene, folder)
-        shown = {view.path for view in scene.train_views}
-        data = scene.train_views[0].path.parents[2 if scene.train_views[0].path.parent.name == "clean" else 3]
-        for path in set(data.rglob("*.png")) - shown:
-            path.write_bytes(b"forged")
-            raise AssertionError(f"{path} is in reach")
+Vandal = _after_fit(_write_over)
+VandalAtOnce = _after_fit(lambda scene, folder: (_write_over(scene, folder), scene.train_views[0].image()))
+Forger = _after_fit(_forge)
 
 
 class LeavesInTheWay(MeanColour):
@@ -223,45 +179,9 @@ LEFT = [
 ]
 
 
-class LongTable(MeanColour):
-    """Settings with a long array, in whose middle stands $TOY_SHIFT."""
-
-    @classmethod
-    def configuration(cls, profile: str) -> "TableConfig":
-        return TableConfig()
-
-
-def _table() -> np.ndarray:
-    table = np.zeros(5000)
-    table[2500] = float(os.environ.get("TOY_SHIFT", "0"))
-    return table
-
-
-@dataclass(frozen=True)
-class TableConfig(Config):
-    table: np.ndarray = field(default_factory=_table)
-
-
-class HoldsAnObject(MeanColour):
-    @classmethod
-    def configuration(cls, profile: str) -> "ObjectConfig":
-        return ObjectConfig()
-
-
 @dataclass(frozen=True)
 class ObjectConfig(Config):
     schedule: object = field(default_factory=object)
 
 
-class NumpyScalars(MeanColour):
-    """Measures as libraries give them."""
-
-    def summary(self) -> TrainingSummary:
-        return TrainingSummary(np.float32(0.5), np.int64(7), np.float64(0.001), "cpu")
-
-
-class NoGpu(MeanColour):
-    """Finds the machine not as it has to be."""
-
-    def fit(self, scene: Scene, folder: Path) -> None:
-        chosen_device("cuda:9")
+HoldsAnObject = _toy(configuration=classmethod(lambda cls, profile: ObjectConfig()))

@@ -6,22 +6,13 @@ import balls
 import numpy as np
 import pytest
 import torch
-from disturbed import (
-    behind_squares,
-    fitted,
-    held_out,
-)
 from field_rays import SPACE, batch, context, noise, rays, samples, shaded, stays_finite
 
 from baselines.cr_nerf.config import CrNerfConfig, StyleConfig, TransformConfig, TransientConfig
 from baselines.cr_nerf.losses import cr_nerf_losses
-from baselines.cr_nerf.method import CrNerf
 from baselines.cr_nerf.model import KEPT, CrNerfModel
-from baselines.cr_nerf.transients import read
 from baselines.training.images import TrainingImages
-from baselines.volumetric import model as volumetric_model
 from baselines.volumetric.compositing import INFINITE
-from baselines.volumetric.config import MlpFieldConfig
 from baselines.volumetric.rays.photographs import as_seen
 
 STYLE = StyleConfig(channels=(8, 8, 16), side=24, map_side=6, rate=5e-3)
@@ -38,7 +29,6 @@ TRANSIENTS = TransientConfig(
 )
 TRANSFORM = TransformConfig(size=8, hidden=(16,), rate=2e-3)
 CONFIG = CrNerfConfig(balls.SHORT, 8, STYLE, TRANSFORM, TRANSIENTS, photographs=16)
-SHORT = replace(CONFIG, volumetric=replace(balls.SMALL, iterations=20, rays=64, proposal_always=10))
 
 
 def model(config=CONFIG, views=3):
@@ -139,16 +129,6 @@ def test_the_mean_style_is_the_style_where_all_photographs_are_the_same():
         torch.testing.assert_close(made.shade(of.rays, trained.samples, None).colour, trained.colour)
 
 
-def test_a_render_depends_neither_on_its_parts_nor_on_its_size(monkeypatch):
-    made, camera = model(), balls.camera(32, 24, 0.3)
-    whole = made.render(camera)
-    monkeypatch.setattr(volumetric_model, "CHUNK", 48 * 100)
-    np.testing.assert_allclose(made.render(camera), whole, atol=2e-6)
-    with torch.no_grad():
-        some, alone = made(rays(50)).colour, made(rays(50).part(0, 7)).colour
-    torch.testing.assert_close(some[:7], alone, rtol=0, atol=2e-6)
-
-
 def test_rays_see_their_views_style_or_the_mean_one():
     made, of = model(replace(CONFIG, style=replace(STYLE, mean_share=0.5))), batch(50, view=1)
     with torch.no_grad():
@@ -157,16 +137,6 @@ def test_rays_see_their_views_style_or_the_mean_one():
         after = made(of.rays, context(of)).colour
     changed = (after - before).abs().amax(1) > 1e-5
     assert changed.tolist() == [i % 2 == 0 for i in range(50)]
-
-
-def test_rays_have_the_masks_of_their_views_photographs():
-    made = model()
-    of = replace(batch(60), views=torch.arange(3).repeat_interleave(20).flip(0))
-    with torch.no_grad():
-        m = made(of.rays, context(of)).extras["m"]
-        masks = made._masks(torch.arange(3))
-    torch.testing.assert_close(m, read(masks, of.views, of.places))
-    assert (masks[0] - masks[1]).abs().max() > 0.01
 
 
 def test_what_is_kept_is_that_of_the_last_visit_and_the_mean_of_steps():
@@ -188,24 +158,3 @@ def test_what_is_kept_is_that_of_the_last_visit_and_the_mean_of_steps():
         weight = max(1 - KEPT, 1 / (1 + step))
         mean = (1 - weight) * mean + weight
     torch.testing.assert_close(made.content_mean, first.extras["content_mean"] + mean)
-
-
-def test_an_occluder_in_a_third_of_the_views_is_kept_out(ball, tmp_path):
-    scene = behind_squares(ball, tmp_path)
-    plain = held_out(fitted(balls.Plain, balls.SHORT, scene, tmp_path / "plain"), scene)
-    ours = held_out(fitted(CrNerf, CONFIG, scene, tmp_path / "ours"), scene)
-    assert ours > plain + 1, (ours, plain)
-
-
-def test_colour_casts_of_the_views_are_kept_out(ball_in_casts, plain, tmp_path):
-    methods = plain(balls.Plain, balls.SHORT, ball_in_casts), fitted(CrNerf, CONFIG, ball_in_casts, tmp_path)
-    scores = [held_out(method, ball_in_casts, gains=True) for method in methods]
-    assert scores[1] > scores[0] + 1.5, scores
-
-
-def test_the_network_of_the_paper_is_trained_too(ball, tmp_path):
-    field = MlpFieldConfig(width=16, depth=2, skip=1, position_octaves=4, direction_octaves=1, rate=1e-2)
-    config = replace(SHORT, volumetric=replace(SHORT.volumetric, field=field, iterations=3))
-    method = fitted(CrNerf, replace(config, photographs=4), ball, tmp_path)
-    assert method._fitted.trained.model.running.visits == pytest.approx(12 / len(ball.train_views))
-    assert np.isfinite(method.render(ball.test_views[0].camera)).all()

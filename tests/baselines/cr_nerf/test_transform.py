@@ -68,11 +68,3 @@ def test_with_matrices_as_large_as_the_features_nothing_is_lost_at_first():
     smaller = transform()
     kept = smaller.expand(smaller.compress(rays))
     torch.testing.assert_close(smaller.expand(smaller.compress(kept)), kept)  # a projection
-
-
-def test_each_ray_has_its_own_matrix_and_style():
-    network, rays = transform(), features(6, 5)
-    matrices, styles = torch.rand(6, 3, 3), torch.rand(6, 5)
-    together = network(rays, matrices, styles)
-    for i in range(6):
-        torch.testing.assert_close(network(rays[i : i + 1], matrices[i : i + 1], styles[i : i + 1])[0], together[i])

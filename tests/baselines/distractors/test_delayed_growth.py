@@ -21,11 +21,6 @@ def test_every_method_of_gaussians_can_grow_late_and_does_not_unless_asked(name)
     assert find_method(f"{name}+delayed-growth") is late
 
 
-def test_growth_of_the_paper_is_that_of_the_authors():
-    strategy = find_method("spotless+delayed-growth").configuration("paper").splatting.strategy
-    assert (strategy.start, strategy.stop) == (10_000, 20_000)
-
-
 @pytest.mark.parametrize("name", ["3dgs", "spotless"])
 def test_the_order_of_wrappers_does_not_matter(name):
     one, other = (find_method(f"{name}+{order}") for order in ("enhance+delayed-growth", "delayed-growth+enhance"))

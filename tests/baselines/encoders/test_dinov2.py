@@ -8,7 +8,7 @@ import pytest
 import torch
 from servers import serving
 
-from baselines.encoders import dinov2, frozen
+from baselines.encoders import dinov2
 from baselines.encoders.dinov2 import VisionTransformer, load_dinov2, weights_file, with_weights
 from baselines.encoders.frozen import DinoV2, calibrated
 from baselines.wild_gaussians.method import WildGaussians
@@ -166,14 +166,6 @@ def test_a_copy_may_be_named(published, tmp_path, monkeypatch):
     monkeypatch.setenv("HYDROVIEWS_DINOV2", str(tmp_path / "none.pth"))
     with pytest.raises(InputError, match="correct HYDROVIEWS_DINOV2"):
         load_dinov2(CPU)
-
-
-def test_without_weights_nothing_else_is_taken(published, monkeypatch):
-    published[0].files.clear()
-    monkeypatch.setattr(frozen, "AlexNet", None)
-    ways_out = "wild-gaussians with HYDROVIEWS_FEATURES=alexnet, other methods in demo or quick"
-    with pytest.raises(InputError, match=rf"DINOv2's weights cannot be had(.|\n)*404(.|\n)*{ways_out}"):
-        calibrated("dinov2", "cpu")
 
 
 def test_a_lack_of_memory_says_what_to_do(published, monkeypatch):

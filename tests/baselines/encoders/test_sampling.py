@@ -13,20 +13,6 @@ def points(n, maps, reach=1.3, dtype=torch.float64):
     return reach * (2 * torch.rand(n, maps, 2, generator=torch.Generator().manual_seed(0), dtype=dtype) - 1)
 
 
-def test_a_plane_is_read_as_the_plane_it_is():
-    height, width = 7, 12
-    y, x = torch.meshgrid(torch.arange(height) + 0.5, torch.arange(width) + 0.5, indexing="ij")
-    plane = 3 * (2 * x / width - 1) - 2 * (2 * y / height - 1) + 0.5
-    at = points(50, 1, 0.8, torch.float32)
-    assert torch.allclose(sample(plane[None, None], at)[:, 0], 3 * at[:, 0, 0] - 2 * at[:, 0, 1] + 0.5, atol=1e-5)
-
-
-def test_pixel_centres_and_what_lies_beyond_the_border():
-    ramp = torch.tensor([[[[1.0, 5.0], [2.0, 9.0]]]])
-    at = torch.tensor([[-0.5, -0.5], [0.5, -0.5], [0.0, 0.0], [-1.0, -1.0], [4.0, -7.0], [0.5, 30.0]])[:, None]
-    assert sample(ramp, at)[:, 0].tolist() == [1, 5, 4.25, 1, 5, 9]
-
-
 @pytest.mark.parametrize("size", [(5, 8), (1, 6), (6, 1), (1, 1)])
 def test_values_and_gradients_are_those_of_torchs_sampler(size):
     maps = torch.rand(3, 4, *size, generator=torch.Generator().manual_seed(1), dtype=torch.float64)
@@ -64,14 +50,3 @@ def test_the_box_adds_the_gradient_of_its_loss_and_nothing_else():
     ((twin**2).sum() + 0.7 * functional.relu(twin.abs() - 1).mean()).backward()
     assert torch.allclose(x.grad, twin.grad, atol=1e-12)
     assert (x.detach().abs() > 1).any()
-
-
-def test_a_lost_coordinate_is_called_back():
-    at = torch.tensor([[[3.0, -2.0]]], requires_grad=True)
-    ramp = torch.rand(1, 2, 4, 4, generator=torch.Generator().manual_seed(0))
-    adam = torch.optim.Adam([at], 0.1)
-    for _ in range(60):
-        adam.zero_grad()
-        sample(ramp, boxed(at, 1e-3)).square().sum().backward()
-        adam.step()
-    assert at.detach().abs().max() < 1.3

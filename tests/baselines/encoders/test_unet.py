@@ -1,16 +1,12 @@
 """The U-Net: shapes for any picture, masks that begin open, weights of ResNet-18 by name."""
 
-import numpy as np
 import pytest
 import torch
 from safetensors.torch import save_file
 
 from baselines.encoders.resnet_weights import load_resnet
 from baselines.encoders.unet import VISIBLE_AT_FIRST, ResNet18
-from baselines.gs_w.appearance import ReferenceAppearance
-from baselines.gs_w.config import SHORT
 from baselines.gs_w.encoder import ReferenceEncoder
-from baselines.training.images import TrainingImages
 from hydroviews.errors import InputError
 
 
@@ -37,23 +33,6 @@ def test_maps_and_mask_have_their_resolution_and_every_weight_learns(backbone, f
 def test_everything_is_seen_at_first():
     _, visible = encoder("small")(torch.rand(1, 3, 32, 32) - 0.5)
     assert torch.allclose(visible, torch.tensor(VISIBLE_AT_FIRST))
-
-
-@pytest.mark.parametrize(("height", "width"), [(37, 51), (5, 90), (1, 1), (48, 64)])
-def test_pictures_of_any_size_and_of_one_colour_are_encoded(height, width):
-    for pixels in (np.zeros((height, width, 3), np.uint8), np.full((height, width, 3), 255, np.uint8)):
-        appearance = ReferenceAppearance(TrainingImages([pixels]), SHORT, 1, 10, 0)
-        maps, visible = appearance.encode(0)
-        assert maps.shape[0] == SHORT.dynamic
-        assert torch.isfinite(maps).all()
-        assert torch.isfinite(visible).all()
-
-
-def test_the_resnet_has_the_layers_of_resnet_18():
-    state = ResNet18().state_dict()
-    assert sum(len(v.flatten()) for k, v in state.items() if "running" not in k) == 11_176_512  # without fc
-    assert state["layer2.0.downsample.1.running_var"].shape == (128,)
-    assert state["layer4.1.conv2.weight"].shape == (512, 512, 3, 3)
 
 
 @pytest.mark.parametrize("suffix", ["safetensors", "pth"])

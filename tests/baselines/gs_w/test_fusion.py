@@ -79,21 +79,6 @@ def test_gradients_are_those_of_float64():
     assert np.array_equal(ours.means[rows], upstream.means)  # colours add nothing to what positions are told
 
 
-def test_what_is_dropped_is_drawn_anew_each_step_and_scaled():
-    appearance = ReferenceAppearance(some_pictures(), SEEING, 1, 10, 0)
-    ones = torch.ones(4000, SHORT.dynamic)
-    first, again = appearance._dropped(ones), appearance._dropped(ones)
-    assert torch.equal(first, again)
-    assert abs(first.mean() - 1) < 0.02
-    assert set(first.unique().tolist()) == {0.0, float(torch.tensor(1 / 0.9))}
-    parts = first.unflatten(1, (3, -1))
-    assert torch.equal(parts.amin(dim=2), parts.amax(dim=2))  # a map's channels go together
-    appearance.learn(0)
-    assert not torch.equal(appearance._dropped(ones), first)
-    with torch.no_grad():
-        assert torch.equal(appearance._dropped(ones), ones)
-
-
 def test_in_some_steps_nothing_of_the_reference_is_seen():
     appearance = restless(ReferenceAppearance(some_pictures(), replace(SHORT, absent=0.4), 1, 10, 0))
     gaussians, view = with_appearance(cloud(40, 1), appearance), camera(41, 30)
@@ -108,19 +93,3 @@ def test_in_some_steps_nothing_of_the_reference_is_seen():
     assert moved == [not alike for alike in same]  # a step without the reference teaches nothing of where to look
     with torch.no_grad():
         assert not any(appearance._absent() for _ in range(20))
-
-
-def test_coordinates_begin_within_the_maps_and_follow_positions():
-    appearance = ReferenceAppearance(some_pictures(), SHORT, 1, 10, 0)
-    gaussians = cloud(500, 1)
-    coordinates = appearance.features(gaussians)
-    assert coordinates.shape == (500, 4)
-    assert np.abs(coordinates).max() <= 1
-    middle, side = appearance.fusion.middle.numpy(), appearance.fusion.side.item()
-    inside = (np.abs(gaussians.means - middle) < side).all(axis=1)  # beyond the cube all is at its faces
-    places = np.column_stack([gaussians.means, np.ones(500)])
-    assert inside.sum() > 100
-    _, residuals, rank, _ = np.linalg.lstsq(places[inside], coordinates[inside], rcond=None)
-    assert rank == 4
-    assert np.sqrt(residuals / inside.sum()).max() < 1e-5  # an affine map
-    assert coordinates[inside].std(axis=0).min() > 0.05

@@ -6,18 +6,11 @@ import balls
 import numpy as np
 import pytest
 import torch
-from disturbed import (
-    behind_squares,
-    fitted,
-    held_out,
-)
-from field_rays import SPACE, batch, context, noise, rays, shaded, stays_finite
+from field_rays import SPACE, batch, context, noise, rays, stays_finite
 
 from baselines.ha_nerf.config import HaNerfConfig, LookConfig, VisibilityConfig
 from baselines.ha_nerf.losses import ha_nerf_losses
-from baselines.ha_nerf.method import HaNerf
 from baselines.ha_nerf.model import HaNerfModel
-from baselines.volumetric.config import MlpFieldConfig
 from baselines.volumetric.model import Rendering, Samples
 
 LOOK = LookConfig(size=8, channels=(8, 16, 16), side=24, rate=2e-3)
@@ -25,7 +18,6 @@ VISIBILITY = VisibilityConfig(
     code=16, octaves=4, width=32, layers=2, rate=1e-2, at_first=0.05, price=3.5, price_at_first=3.5, relative=True
 )
 CONFIG = HaNerfConfig(balls.SMALL, LOOK, VISIBILITY, photographs=16)
-SHORT = replace(CONFIG, volumetric=replace(balls.SMALL, iterations=20, rays=64, proposal_always=10))
 
 
 def model(config=CONFIG, views=3):
@@ -82,15 +74,6 @@ def test_everything_stays_finite_on_empty_saturated_and_identical_rays():
     stays_finite(model, Given, ha_nerf_losses(CONFIG), lambda made: made.visibility)
 
 
-def test_what_is_masked_teaches_the_field_nothing():
-    made, of = model(), batch(2)
-    rendering = shaded(made, Given(torch.ones(2, 3)), torch.ones(2, 3), of)
-    masked = replace(rendering, extras=rendering.extras | {"m": torch.tensor([1.0, 0.0])})
-    ha_nerf_losses(CONFIG)(masked, of)["colour"].backward()
-    assert float(made.field.density.grad[0].abs().sum()) == 0
-    assert float(made.field.density.grad[1].abs().sum()) > 0
-
-
 def test_scoring_renders_the_scene_in_the_mean_look_of_the_views():
     made = model()
     with torch.no_grad():
@@ -123,25 +106,3 @@ def test_the_looks_that_are_kept_are_those_of_the_last_visit():
         made.after_step(made(of.rays, context(of)), of)
         torch.testing.assert_close(made.looks[:2], before[:2], rtol=0, atol=0)
         torch.testing.assert_close(made.looks[2], before[2] + 1)
-
-
-def test_an_occluder_in_a_third_of_the_views_is_kept_out(ball, tmp_path):
-    scene = behind_squares(ball, tmp_path)
-    plain = held_out(fitted(balls.Plain, balls.SMALL, scene, tmp_path / "plain"), scene)
-    ours = held_out(fitted(HaNerf, CONFIG, scene, tmp_path / "ours"), scene)
-    assert ours > plain + 1, (ours, plain)
-
-
-def test_colour_casts_of_the_views_are_kept_out(ball_in_casts, plain, tmp_path):
-    config = replace(CONFIG, volumetric=balls.SHORT)
-    methods = plain(balls.Plain, balls.SHORT, ball_in_casts), fitted(HaNerf, config, ball_in_casts, tmp_path)
-    scores = [held_out(method, ball_in_casts, gains=True) for method in methods]
-    assert scores[1] > scores[0] + 1.5, scores
-
-
-def test_the_network_of_the_paper_is_trained_too(ball, tmp_path):
-    field = MlpFieldConfig(width=16, depth=2, skip=1, position_octaves=4, direction_octaves=1, rate=1e-2)
-    config = replace(SHORT, volumetric=replace(SHORT.volumetric, field=field, iterations=3))
-    method = fitted(HaNerf, replace(config, photographs=4), ball, tmp_path)
-    assert method._fitted.trained.model.running.visits == pytest.approx(12 / len(ball.train_views))
-    assert np.isfinite(method.render(ball.test_views[0].camera)).all()

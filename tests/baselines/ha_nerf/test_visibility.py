@@ -39,14 +39,3 @@ def test_the_network_learns_the_mask_of_one_view_and_leaves_the_others():
     m = network(views, places)
     assert m[corner].mean() > 0.9
     assert m[views != 1].mean() < 0.15
-
-
-def test_the_mask_of_a_view_is_that_of_its_pixels():
-    network = Visibility(VisibilityConfig(), 3, torch.Generator().manual_seed(0))
-    with torch.no_grad():
-        network.exit.weight.normal_(generator=torch.Generator().manual_seed(1))
-        plane = network.plane(1, (4, 6))
-        alone = network(torch.tensor([1]), torch.tensor([[2.5 / 4, 0.5 / 6]]))
-    assert plane.shape == (4, 6)
-    assert plane.std() > 0
-    assert plane[2, 0] == pytest.approx(float(alone), abs=1e-6)

@@ -1,10 +1,7 @@
-import weakref
-
 import numpy as np
 import pytest
 import torch
 
-from baselines.encoders.frozen import frozen
 from baselines.masking.feature_network import MaskNetwork, MaskNetworkConfig, averaged, encoded_places, hinge
 from baselines.training.images import TrainingImages
 
@@ -46,36 +43,6 @@ def test_places_are_encoded_by_octaves_of_both_axes():
     assert torch.isfinite(encoded_places(1, 1, 20)).all()
 
 
-def test_features_of_both_precisions_are_never_there_of_all_pictures(monkeypatch):
-    alive, half = [], torch.Tensor.half
-
-    def counted(tensor):
-        alive.append(sum(seen() is not None for seen in whole))
-        return half(tensor)
-
-    def features(image):
-        seen = blocks(image)
-        whole.append(weakref.ref(seen))
-        return seen
-
-    whole = []
-    monkeypatch.setattr(torch.Tensor, "half", counted)
-    MaskNetwork(photographs(4), features, CONFIG, 0)
-    assert alive == [4, 3, 2, 1]
-
-
-@pytest.mark.parametrize("level", [0, 128, 255])
-def test_pictures_of_one_colour_have_features_that_say_nothing_and_p_stays_finite(level):
-    images = TrainingImages([np.full((40, 40, 3), level, np.uint8)] * 2)
-    network = MaskNetwork(images, frozen("vgg", "cpu"), MaskNetworkConfig("vgg", octaves=0), 0)
-    inlier = np.ones((40, 40), bool)
-    for _ in range(5):
-        p = network.learn(0, inlier, inlier)
-    assert np.isfinite(p).all()
-    assert np.ptp(p) < 0.5  # what is left of the features is the picture's border
-    assert all(np.isfinite(value).all() for value in network.state_dict().values())
-
-
 def test_what_looks_like_outliers_is_left_out_where_residuals_say_nothing():
     """Learned from views 0 and 1 alone; view 2 has a square as view 0 has."""
     images = photographs()
@@ -89,19 +56,6 @@ def test_what_looks_like_outliers_is_left_out_where_residuals_say_nothing():
     p = network.learn(2, nothing, everything)  # L and U that any p is between
     assert p[4:12, 4:20].max() < 0.3
     assert p[24:, 30:].min() > 0.7
-
-
-def test_nothing_is_learned_from_what_is_hidden():
-    images = photographs()
-    ignored = np.zeros((32, 48), bool)
-    ignored[:16] = True
-    states = []
-    for hidden_inlier in (True, False):
-        network, inlier = MaskNetwork(images, blocks, CONFIG, 0), np.ones((32, 48), bool)
-        inlier[:16] = hidden_inlier
-        network.learn(0, inlier, inlier, ignored)
-        states.append(network.state_dict())
-    assert all(np.array_equal(value, states[1][name]) for name, value in states[0].items())
 
 
 def test_p_has_the_size_of_the_masks_and_a_state_restores_it():

@@ -57,14 +57,6 @@ def test_a_relative_price_follows_the_median_error_of_what_counts():
     assert float(price_of_masking(RELATIVE, running)) == pytest.approx(3.5 * LEAST)  # masking never costs nothing
 
 
-def test_the_typical_error_may_be_the_mean():
-    running = Running(4, 2, 0.05, "mean")
-    errors, m = torch.tensor([9.0, 0.02, 0.01, 0.06]), torch.full((4,), 0.1)
-    running.observe(errors, m, torch.tensor([False, True, True, True]))
-    kept = 0.5 ** (2 / 4)
-    assert float(running.typical) == pytest.approx(kept * GREY + (1 - kept) * 0.03)
-
-
 def test_masks_that_hide_the_scene_are_spoken_of_once_though_a_training_is_resumed(tmp_path, caplog):
     running = Running(4, 4, 0.9)
     hiding = torch.full((4,), 0.1), torch.full((4,), 0.95), torch.ones(4, dtype=torch.bool)

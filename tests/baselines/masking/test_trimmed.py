@@ -69,31 +69,12 @@ def test_the_loss_is_that_of_the_inliers_and_the_same_as_ever_where_all_are():
     assert np.array_equal(ours[1], usual[1])
 
 
-def test_percentiles_stay_once_growth_has_stopped():
-    images = TrainingImages([np.zeros((24, 32, 3), np.uint8)])
-    config = RobustFilterConfig(replace(SPLATTING, strategy=replace(STEADY, stop=10)))
-    rule = objective(TrimmedPixels, images, config)
-    rule(np.full((24, 32, 3), 0.5, np.float32), 0, 9, BufferPool())
-    rule(np.full((24, 32, 3), 0.1, np.float32), 0, 10, BufferPool())
-    assert rule.pixel_weights.histogram.counts.sum() == 24 * 32
-
-
 def test_what_is_hidden_moves_neither_percentiles_nor_the_share_of_pixels_that_count():
     images = TrainingImages([np.full((24, 32, 3), 200, np.uint8)], [np.indices((24, 32))[1] < 16])
     rule = objective(AllThatIsShown, images, RobustFilterConfig(SPLATTING, TrimConfig(fade_in=1e-6)))
     rule(random(0, 24, 32, 3), 0, 9, BufferPool())
     assert rule.pixel_weights.histogram.counts.sum() == 24 * 16
     assert rule.report() == {"pixels": "100%"}
-
-
-def test_hidden_neighbours_make_no_pixel_an_outlier():
-    hidden = np.zeros((3, 3), bool)
-    hidden[2], hidden[1, 0] = True, True
-    images = TrainingImages([np.zeros((3, 3, 3), np.uint8)], [hidden])
-    weights = TrimmedPixels(images, TrimConfig(), SPLATTING, 0)
-    weights.histogram.observe(np.zeros((3, 3), np.float32))
-    residuals = np.array([[0, 0, 0], [1, 1, 1], [1, 1, 1]], np.float32)
-    assert weights.predicted(residuals, 0, hidden)[1, 1] == 1  # three of the five that are shown are inliers
 
 
 def test_a_mask_that_eats_everything_is_given_up_with_a_warning(caplog):
@@ -112,15 +93,3 @@ def test_a_mask_that_eats_everything_is_given_up_with_a_warning(caplog):
     again.load_state_dict(rule.state_dict())
     assert again.report() == rule.report()
     assert caplog.text.count("masks leave") == 1
-
-
-def test_a_step_with_all_pixels_masked_or_hidden_is_finite():
-    pixels = np.full((24, 32, 3), 200, np.uint8)
-    config = RobustFilterConfig(SPLATTING, TrimConfig(fade_in=1e-6))
-    loss, gradient = objective(Greedy, TrainingImages([pixels]), config)(random(0, 24, 32, 3), 0, 9, BufferPool())
-    assert loss == 0
-    assert not gradient.any()
-    hidden = TrainingImages([pixels], [np.ones((24, 32), bool)])
-    loss, gradient = objective(TrimmedPixels, hidden, config)(random(0, 24, 32, 3), 0, 9, BufferPool())
-    assert loss == 0
-    assert not gradient.any()

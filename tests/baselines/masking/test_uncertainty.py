@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import torch
 
-from baselines.encoders.frozen import AlexNet
 from baselines.masking.uncertainty import Uncertainty, UncertaintyConfig, counted, uncertainty_loss, warmed
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting.strategies.relocation import MCMCStrategy
@@ -88,57 +87,6 @@ def test_lessons_wait_after_opacities_were_reset():
     assert not any(model(growth=MCMCStrategy()).is_protected(i) for i in range(300))
 
 
-def test_lessons_come_as_often_as_configured():
-    taught = model(config=replace(CONFIG, every=3))
-    before = taught.state_dict()["network.weight"]
-    taught.learn(np.zeros((32, 48, 3), np.float32), 0, 1)
-    assert np.array_equal(taught.state_dict()["network.weight"], before)
-    taught.learn(np.zeros((32, 48, 3), np.float32), 0, 3)
-    assert not np.array_equal(taught.state_dict()["network.weight"], before)
-
-
-def test_dropout_is_of_the_seed_and_the_iteration():
-    def lesson(seed, iteration, restored=None):
-        taught = model(seed=seed)
-        if restored:
-            taught.load_state_dict(restored)
-        taught.learn(np.full((32, 48, 3), 0.3, np.float32), 0, iteration)
-        return taught.state_dict()
-
-    one, same = lesson(0, 7), lesson(0, 7)
-    assert all(np.array_equal(value, same[name]) for name, value in one.items())
-    assert not np.array_equal(one["exp_avg.weight"], lesson(0, 8)["exp_avg.weight"])
-    assert not np.array_equal(one["exp_avg.weight"], lesson(1, 7)["exp_avg.weight"])
-    again, third = lesson(0, 8, one), lesson(3, 8, one)
-    assert again["step.weight"] == 2
-    assert not np.array_equal(again["network.weight"], third["network.weight"])  # another seed's dropout
-    assert ((model()._dropped(5) == 0) | (model()._dropped(5) == 2)).all()
-
-
-@pytest.mark.parametrize("level", [0, 128, 255])
-def test_constant_pictures_and_equal_renders_stay_finite(level):
-    images = TrainingImages([np.full((40, 40, 3), level, np.uint8)] * 2)
-    taught = model(images, features=AlexNet("cpu"))
-    for iteration in range(5):
-        taught.learn(images.pixels(0) / np.float32(255), 0, iteration)
-    assert all(np.isfinite(value).all() for value in taught.state_dict().values())
-    assert not taught.unlike(images.pixels(0) / np.float32(255), 0).any()
-    assert np.isfinite(taught.uncertainty(0, (40, 40))).all()
-
-
-def test_nothing_is_learnt_from_what_is_hidden():
-    pixels = [image.copy() for image in (photographs().pixels(i) for i in range(4))]
-    mask = np.zeros((32, 48), bool)
-    mask[:16, :24] = True
-    taught, other = (model(TrainingImages(pixels, [mask] * 4)) for _ in range(2))
-    render = pixels[1] / np.float32(255)
-    changed = np.where(mask[..., None], np.float32(np.nan), render)
-    taught.learn(render, 0, 0)
-    other.learn(changed, 0, 0)
-    assert all(np.array_equal(value, other.state_dict()[name]) for name, value in taught.state_dict().items())
-    assert np.isfinite(taught.state_dict()["network.weight"]).all()
-
-
 def test_a_view_that_is_wholly_hidden_teaches_nothing():
     """Black beside black would be alike, and certain."""
     images = photographs()
@@ -146,31 +94,3 @@ def test_a_view_that_is_wholly_hidden_teaches_nothing():
     before = taught.uncertainty(1, (32, 48))
     taught.learn(images.pixels(1) / np.float32(255), 0, 0)
     assert np.array_equal(taught.uncertainty(1, (32, 48)), before)
-
-
-def test_small_renders_are_compared_at_the_size_of_the_photograph():
-    images = photographs()
-    taught = model(images)
-    assert taught.unlike(images.pixels(0)[::2, ::2] / np.float32(255), 0).shape == (4, 6)
-
-
-def test_features_of_all_pictures_are_not_gathered_a_second_time_for_their_statistics(monkeypatch):
-    random = torch.Generator().manual_seed(0)
-    made = [3 + 2 * torch.randn(384, *size, generator=random) for size in [(9, 7), (7, 9), (9, 7)]]
-    everywhere, gathered, cat = torch.cat([seen.flatten(1) for seen in made], dim=1), [], torch.cat
-
-    def noted(tensors, dim=0):
-        gathered.append(sum(tensor.numel() for tensor in tensors))
-        return cat(tensors, dim)
-
-    monkeypatch.setattr(torch, "cat", noted)
-    given = iter(made)
-    taught = model(photographs(3), features=lambda _: next(given))
-    assert max(gathered) < everywhere.numel() / 10
-    assert torch.equal(taught._mean[:, 0, 0], everywhere.mean(dim=1))
-    assert torch.equal(taught._factor[:, 0, 0], 1 / everywhere.std(dim=1))
-
-
-def test_the_features_are_recorded():
-    reports = [model(features=network).report() for network in (Colours(), AlexNet("cpu"))]
-    assert reports == [{"uncertainty": "colours"}, {"uncertainty": "alexnet"}]

@@ -8,8 +8,8 @@ import torch
 from splats import camera
 
 from baselines.nimbus.config import MediumConfig
-from baselines.nimbus.medium import Medium, enlarged, through
-from baselines.nimbus.view_rays import Box, Rays, box_around, rays_of, small_camera
+from baselines.nimbus.medium import Medium, through
+from baselines.nimbus.view_rays import Box, Rays, box_around, rays_of
 
 UNIT = 2.0
 BOX = Box(np.array([0.5, -1.0, 2.0]), np.array([3.0, 4.0, 5.0]), UNIT)
@@ -40,19 +40,6 @@ def test_a_uniform_medium_dims_exponentially_and_adds_the_rest_as_airlight():
     seen = through(torch.zeros(1, 3, 3, dtype=torch.float64), shown[None], made.airlight)
     assert np.allclose(seen.detach()[0], made.airlight.detach() * (1 - expected[:, None]), atol=1e-12)
     assert np.allclose(made.airlight.detach(), 0.5)
-
-
-def test_the_airlight_is_that_of_the_paper_away_from_its_start():
-    made, raw = medium(), torch.tensor([0.5, -1.0, 2.0], dtype=torch.float64)
-    with torch.no_grad():
-        made.raw_airlight.copy_(raw)
-    assert np.allclose(made.airlight.detach(), (np.tanh(raw.numpy()) + 1) / 2, atol=1e-15)
-
-
-def test_the_medium_begins_as_nearly_clear_air():
-    made = Medium(MediumConfig(cells=16), BOX, 0)
-    assert float(made.extinction.mean().detach()) == pytest.approx(0.05, rel=0.01)
-    assert torch.equal(made.field, Medium(MediumConfig(cells=16), BOX, 0).field)
 
 
 def test_reads_are_trilinear():
@@ -140,11 +127,3 @@ def test_the_box_holds_nearly_all_points_twice():
     alone = box_around(np.zeros((0, 3)), cameras, 2.0)
     assert np.isfinite([*alone.middle, *alone.reach, alone.unit]).all()
     assert (box_around(np.ones((1, 3)), cameras[:1], 2.0).reach > 0).all()
-
-
-def test_a_smaller_picture_of_the_medium_is_enlarged():
-    assert small_camera(camera(30, 22), 4).width == 8
-    assert small_camera(camera(2, 1), 4).height == 1
-    plane = torch.full((2, 3), 0.25)
-    assert torch.allclose(enlarged(plane, (7, 9)), torch.tensor(0.25))
-    assert enlarged(plane, (2, 3)) is plane

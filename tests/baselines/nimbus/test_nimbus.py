@@ -1,11 +1,9 @@
 """NimbusGS on small made-up scenes. Thresholds of what it has to gain were written down before the first run."""
 
-import logging
 from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 from disturbed import disturbed, fitted, only_in_training, whole_and_resumed
 from splats import cloud, photographed
 from trainings import psnr
@@ -16,10 +14,9 @@ from baselines.method import check_hidden
 from baselines.nimbus.config import MediumConfig, NimbusConfig, ResidualConfig
 from baselines.nimbus.method import Nimbus
 from baselines.nimbus.objective import NimbusObjective
-from baselines.splatting.config import EarlyStop, TrainerConfig
+from baselines.splatting.config import TrainerConfig
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.rasterizer import depth, render
-from baselines.splatting.schedule import validation_views
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.training.images import TrainingImages
 
@@ -138,38 +135,6 @@ def test_a_medium_that_was_given_up_stays_so_when_a_run_goes_on(tmp_path, judged
     assert "medium none" in resumed.summary().used
 
 
-@pytest.mark.parametrize(("case", "said"), [("one view", "cannot separate"), ("all outliers", "residuals hold")])
-def test_views_that_cannot_tell_rain_from_scene_are_said(tmp_path, case, said, caplog):
-    scene = photographed(tmp_path, n_views=8)
-    if case == "one view":
-        scene = replace(scene, split=replace(scene.split, train=scene.split.train[:1]))
-    else:
-        noise = np.random.default_rng(0)
-        scene = disturbed(scene, tmp_path / "changed", lambda picture, index: noise.random(picture.shape))
-    with caplog.at_level(logging.INFO):
-        fitted(Nimbus, BRIEF, scene, tmp_path / "run")
-    assert said in caplog.text
-
-
-def test_views_that_validate_are_seen_through_the_medium(tmp_path, monkeypatch):
-    """Their depth is rendered as well, though nothing is learned from them."""
-    early = replace(BRIEF.splatting, early_stop=EarlyStop(views=1, every=8))
-    scene, seen = photographed(tmp_path, n_views=6), []
-    through = NimbusObjective._behind
-
-    def noted(objective, image, view, extinction):
-        if not torch.is_grad_enabled():
-            seen.append(view)
-        return through(objective, image, view, extinction)
-
-    monkeypatch.setattr(NimbusObjective, "_behind", noted)
-    method = fitted(Nimbus, replace(BRIEF, splatting=early), scene, tmp_path / "run")
-    validating = validation_views(len(scene.train_views), 1)[0]
-    assert seen == [validating] * 2
-    assert len(method._trained.residuals) == 2
-    assert validating in method._objective._depths
-
-
 def test_pixels_of_the_residual_pull_at_nothing():
     """Not even through the windows of SSIM that they share with others."""
     photograph = np.random.default_rng(0).uniform(0, 0.5, (36, 48, 3)).astype(np.float32)
@@ -181,10 +146,3 @@ def test_pixels_of_the_residual_pull_at_nothing():
     assert chosen[10:14, 10:14].all()
     assert not gradient[chosen].any()
     assert gradient[~chosen].any()
-
-
-def test_what_is_hidden_is_the_union_of_medium_and_residual():
-    objective = NimbusObjective(TrainingImages([np.zeros((4, 6, 3), np.uint8)]), [None], BRIEF, None, 0.01)
-    objective.transmission = lambda view, size: np.full(size, 0.5, np.float32)
-    objective.residuals.chosen[0] = np.eye(4, 6, dtype=bool)
-    assert np.array_equal(objective.hidden(0, (4, 6)), np.where(np.eye(4, 6) == 1, 1, 0.5))

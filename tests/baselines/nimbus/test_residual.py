@@ -53,18 +53,3 @@ def test_a_residual_that_eats_everything_is_said_once(caplog):
             residuals.of(GREY + 0.4, GREY, iteration % 2, iteration, None)
     assert [record.message for record in caplog.records if "residuals hold 100 %" in record.message]
     assert len(caplog.records) == 1
-
-
-def test_a_few_pixels_are_not_worth_a_warning(caplog):
-    residuals = Residuals(CONFIG, 1, 100)
-    with caplog.at_level(logging.WARNING):
-        residuals.of(photograph([(0, 0), (1, 1)]), GREY, 0, 20, None)
-    assert not caplog.records
-
-
-def test_residuals_come_back_from_their_arrays():
-    residuals, again = Residuals(CONFIG, 2, 100), Residuals(CONFIG, 2, 100)
-    chosen = residuals.of(photograph([(0, 0)]), GREY, 1, 20, None)
-    again.load_state_dict(residuals.state_dict())
-    assert np.array_equal(again.of(GREY, GREY, 1, 25, None), chosen)
-    assert again.share == residuals.share

@@ -109,18 +109,6 @@ def test_each_loss_moves_its_own_part_alone(name, moves):
     assert {part for part in parts if moved(getattr(field, part))} == moves
 
 
-def test_the_background_learns_nothing_where_there_is_a_foreground():
-    field = model()
-    rendering = field(rays(COUNT), context(1.0))
-    foreground = torch.arange(COUNT) < COUNT // 2
-    rendering.extras["foreground"] = torch.where(foreground, 0.9, 0.1)
-    colour = rendering.extras["background_colour"]
-    colour.retain_grad()
-    occ_nerf_losses(CONFIG)(rendering, batch())["background"].backward()
-    assert float(colour.grad[foreground].abs().sum()) == 0
-    assert bool((colour.grad[~foreground].abs().sum(1) > 0).all())
-
-
 def test_everything_taken_for_foreground_is_said_once_and_not_followed(caplog):
     field, loss = decided(model(), foreground=True), occ_nerf_losses(CONFIG)
     with caplog.at_level(logging.WARNING):
@@ -202,12 +190,3 @@ def test_the_posts_are_found(occluded, trained):
     plane = trained.hidden(len(occluded.train_views) - 1, size)
     check_hidden(plane, size)
     assert np.array_equal(plane, m.numpy().reshape(size))  # of the last view
-
-
-def test_where_nothing_stands_before_the_scene_little_is_lost(tmp_path):
-    scene = wall.photographed(tmp_path, occluders=False)
-    plain, method = balls.Plain(VOLUMETRIC, 0), OccNerf(CONFIG, 0)
-    plain.fit(scene, tmp_path / "plain")
-    method.fit(scene, tmp_path / "both")
-    scores = [balls.psnr(method.render, scene.test_views) for method in (plain, method)]
-    assert scores[1] > scores[0] - 1, scores

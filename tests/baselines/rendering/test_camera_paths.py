@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from baselines.rendering.camera_paths import camera_path, is_forward_facing, look_at, nearest_to_axes
+from baselines.rendering.camera_paths import camera_path, look_at, nearest_to_axes
 from hydroviews.errors import InputError
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.scenes import Points, no_points
@@ -48,16 +48,6 @@ def test_axes_meet_where_the_cameras_look():
     assert np.allclose(nearest_to_axes(centres(cameras), forwards), TARGET)
     with pytest.raises(InputError, match="parallel"):
         nearest_to_axes(centres(cameras), np.tile([0, 1.0, 0], (len(cameras), 1)))
-
-
-def test_captures_that_look_one_way_are_told_from_others():
-    def facing(cameras):
-        return is_forward_facing(np.array([camera.rotation[2] for camera in cameras]))
-
-    assert facing(wall(4.0))
-    assert facing(wall(None))
-    assert not facing(ring())
-    assert facing(ring()[:3])
 
 
 def test_a_ring_gets_an_ellipse_at_even_distances():

@@ -2,14 +2,12 @@
 
 import math
 import resource
-from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
 from finished_runs import Cloud, finished_run
 
-from baselines.rendering import film as film_module
 from baselines.rendering.film import FilmChoice, fitted, write_film
 from hydroviews.captures.video.decoding import open_video, video_frames
 from hydroviews.errors import InputError
@@ -136,33 +134,3 @@ def test_cameras_are_enlarged_to_even_sides(run):
 def test_impossible_films_are_refused(changes):
     with pytest.raises(InputError, match="impossible"):
         FilmChoice(**{"seconds": 1.0, "fps": 10, "size": 64, **changes})
-
-
-def test_other_suffixes_are_refused(run, tmp_path):
-    with pytest.raises(InputError, match=r"film\.avi"):
-        film(run.folder, run.data.parent, tmp_path / "film.avi", CHOICE)
-
-
-def test_a_render_that_breaks_the_contract_is_refused(run, tmp_path, monkeypatch):
-    monkeypatch.setattr(Cloud, "render", lambda self, camera, render=Cloud.render: 255 * render(self, camera))
-    with pytest.raises(InputError, match=r"Cloud, frame 0: rendered above 1 in"):
-        film(run.folder, run.data.parent, tmp_path / "film.mp4", CHOICE)
-
-
-def test_frames_of_another_film_are_dropped_where_that_is_asked_for(tmp_path, monkeypatch, caplog):
-    out, frames, found = tmp_path / "film.mp4", tmp_path / "film-frames", []
-    out.touch()
-    words = {"taken": "", "foreign": "", "fix": ""}
-    film_module.claim_folder(frames / film_module.SETTINGS, {"seconds": 200.0}, **words)
-    write_bytes(frames / "00000.png", b"")
-    monkeypatch.setattr(film_module, "camera_path", lambda *_: [SimpleNamespace(width=2, height=2)])
-    monkeypatch.setattr(film_module, "fitted", lambda camera, size: camera)
-    monkeypatch.setattr(film_module, "render_frames", lambda _, path, folder: found.extend(folder.iterdir()))
-    monkeypatch.setattr(film_module, "write_film", lambda *_: None)
-    given = (None, SimpleNamespace(train_views=[], points=None), out, CHOICE, {})
-    with pytest.raises(InputError, match="another film"):
-        film_module.draw_film(*given)
-    with caplog.at_level("INFO"):
-        film_module.draw_film(*given, overwrite=True)
-    assert [path for path in found if not path.name.startswith(".")] == [frames / film_module.SETTINGS]
-    assert "frames of another film, which was broken off, are dropped" in caplog.text

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from trainings import CONFIG, assert_identical, crashed_and_resumed
 
-from baselines.gaussian_splatting import GaussianSplatting
 from baselines.splatting.config import EarlyStop
 from baselines.splatting.objective import Objective
 from baselines.splatting.rasterizer import render
@@ -62,13 +61,6 @@ def test_training_stops_where_validation_got_no_better(scene, tmp_path):
     assert trained.residuals[-1] == pytest.approx(np.mean(last), rel=1e-5)
 
 
-def test_patience_that_is_never_spent_changes_only_the_views(scene, tmp_path):
-    trained = train(scene, replace(CONFIG, early_stop=EarlyStop(views=2, every=50, patience=100)), 0, tmp_path)
-    assert trained.iterations == 200
-    assert len(trained.residuals) == 4
-    assert trained.residuals[-1] < trained.residuals[0]
-
-
 @pytest.mark.parametrize("iteration", [10, 30, 76])
 def test_a_crash_leaves_no_trace(scene, stopped, tmp_path, iteration):
     config = replace(STOPPING, checkpoint_seconds=0.0)
@@ -78,12 +70,3 @@ def test_a_crash_leaves_no_trace(scene, stopped, tmp_path, iteration):
     again = train(scene, config, 0, tmp_path / "run")  # it has stopped, and stays so
     assert_identical(stopped, again)
     assert again.iterations == stopped.iterations
-
-
-def test_the_model_says_where_training_stopped(scene, tmp_path):
-    method = GaussianSplatting(STOPPING, 0)
-    method.fit(scene, tmp_path)
-    method.save(tmp_path)
-    loaded = GaussianSplatting.load(STOPPING, 0, tmp_path)._trained
-    assert loaded.iterations == method._trained.iterations < 1500
-    assert loaded.residuals == method._trained.residuals

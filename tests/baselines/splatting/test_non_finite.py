@@ -4,26 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
-from splats import camera, cloud, photographed, with_values
+from splats import cloud, photographed
 from trainings import BUDGETED, CONFIG, psnr
 
 from baselines.gaussian_splatting import GaussianSplatting
 from baselines.splatting.backends.base import CpuBackend
-from baselines.splatting.backends.torch_ops import without_non_finite as torch_without_non_finite
-from baselines.splatting.gaussians import FIELDS
-from baselines.splatting.rasterizer import backward, render
 from baselines.splatting.state import fresh_state, without_non_finite
 from baselines.splatting.trainer import train
 
 BAD = (("means", np.nan), ("quaternions", np.inf), ("log_scales", np.inf), ("opacity_logits", np.nan), ("sh", -np.inf))
-
-
-def non_finite_cloud():
-    gaussians = cloud(100, 1)
-    for row, (name, value) in enumerate(BAD):
-        gaussians = with_values(gaussians, name, row, value)
-    return gaussians
 
 
 @pytest.fixture
@@ -41,29 +30,6 @@ def injected(monkeypatch):
         monkeypatch.setattr(CpuBackend, "step", spoilt_step)
 
     return inject_at
-
-
-def test_they_are_neither_shown_nor_taught():
-    image, state = render(non_finite_cloud(), camera(60, 40))
-    rest = cloud(100, 1).select(np.arange(len(BAD), 100))
-    weights = np.random.default_rng(0).normal(size=image.shape)
-    ours = backward(state, weights).parameters.map(np.copy)
-    expected, state = render(rest, camera(60, 40))
-    theirs = backward(state, weights).parameters
-    assert np.array_equal(image, expected)
-    for name in FIELDS:
-        assert not getattr(ours, name)[: len(BAD)].any()
-        assert np.array_equal(getattr(ours, name)[len(BAD) :], getattr(theirs, name))
-
-
-def test_in_torch_they_are_transparent_and_get_no_gradient():
-    leaves = {name: torch.from_numpy(v.copy()).requires_grad_() for name, v in non_finite_cloud().state_dict().items()}
-    shown, whole = torch_without_non_finite(leaves)
-    assert torch.nonzero(~whole)[:, 0].tolist() == list(range(len(BAD)))
-    sum((value**2).sum() for value in shown.values()).backward()
-    for value in leaves.values():
-        assert not value.grad[: len(BAD)].any()
-        assert torch.equal(value.grad[len(BAD) :], 2 * value.detach()[len(BAD) :])
 
 
 @pytest.mark.parametrize("config", [CONFIG, BUDGETED], ids=["densification", "relocation"])

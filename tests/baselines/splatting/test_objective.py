@@ -67,15 +67,3 @@ def test_the_gpu_weighs_pixels_as_the_cpu_does(tmp_path, cuda_backend, kind):
         means.append(trained.get(1, 0.0).first.means)
     assert losses[0] == pytest.approx(losses[1], rel=1e-5)
     assert means[0] == pytest.approx(means[1], rel=1e-3, abs=1e-4 * np.abs(means[1]).max())
-
-
-@pytest.mark.parametrize("kind", [Renamed, Weighed, Halved, Grey])
-def test_the_gpu_asks_an_objective_that_compares_otherwise(tmp_path, cuda_backend, kind, monkeypatch):
-    scene = photographed(tmp_path, n_views=3)
-    objective, asked = kind(read_images(scene.train_views)), []
-    compare = Objective.compare
-    monkeypatch.setattr(Objective, "compare", lambda *given: asked.append(given[2]) or compare(*given))
-    backend = cuda_backend(objective, BACKGROUND, 0.01)
-    backend.put(fresh_state(cloud(20, 1)))
-    backend.step(scene.train_views[0].camera, 0, 0, 1, rates_at(0, 100, LearningRates(), 4.0, 1), StepOptions())
-    assert asked == ([] if kind in (Renamed, Weighed) else [0])

@@ -11,10 +11,8 @@ from trainings import CONFIG, Interrupted, assert_identical, crashed_and_resumed
 from baselines.gaussian_splatting import GaussianSplatting
 from baselines.splatting.rasterizer import render
 from baselines.splatting.trainer import train
-from baselines.training.devices import chosen_device
 from baselines.training.images import read_images
 from baselines.training.signals import Saving
-from hydroviews.errors import InputError
 from hydroviews.scene.images import resize_area
 
 
@@ -56,30 +54,6 @@ def test_time_adds_up_over_sessions(scene, tmp_path):
     again = train(scene, CONFIG, 0, tmp_path)  # nothing left to do
     assert_identical(whole, again)
     assert 0 < whole.seconds <= again.seconds < whole.seconds + 1
-
-
-def test_devices(monkeypatch):
-    monkeypatch.delenv("HYDROVIEWS_DEVICE", raising=False)
-    assert chosen_device("cpu") == "cpu"
-    with pytest.raises(InputError, match="device tpu"):
-        chosen_device("tpu")
-    monkeypatch.setenv("HYDROVIEWS_DEVICE", "cpu")
-    assert chosen_device("cuda") == "cpu"
-    monkeypatch.setenv("HYDROVIEWS_DEVICE", "cuda")
-    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
-    with pytest.raises(InputError, match="no CUDA device"):
-        chosen_device("cpu")
-
-
-def test_a_gpu_is_used_where_what_is_needed_there_is_installed(monkeypatch, caplog):
-    monkeypatch.delenv("HYDROVIEWS_DEVICE", raising=False)
-    monkeypatch.setattr("torch.cuda.is_available", lambda: True)
-    assert chosen_device("auto") == chosen_device("auto", "numpy") == "cuda"
-    assert not caplog.records
-    assert chosen_device("auto", "no_such_package") == "cpu"
-    assert "on the CPU, though there is a GPU: no_such_package not installed" in caplog.text
-    with pytest.raises(InputError, match="no_such_package not installed"):
-        chosen_device("cuda", "no_such_package")
 
 
 def test_checkpoints_that_take_long_are_written_less_often():

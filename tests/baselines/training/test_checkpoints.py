@@ -35,16 +35,12 @@ def test_a_tree_comes_back(tmp_path):
     assert same(TREE, load_checkpoint(tmp_path / "a", {"seed": 0}))
 
 
-@pytest.mark.parametrize("name", ["a/b", "", 3])
-def test_names_that_could_not_be_found_again_are_refused(tmp_path, name):
-    with pytest.raises(ValueError, match="expected a name without /"):
-        save_checkpoint(tmp_path / "a", {"part": {name: 1}}, {})
-    assert not list(tmp_path.iterdir())
-
-
-def test_what_is_neither_array_nor_json_is_refused(tmp_path):
-    with pytest.raises(TypeError):
-        save_checkpoint(tmp_path / "a", {"part": object()}, {})
+@pytest.mark.parametrize(
+    ("part", "error"), [({"a/b": 1}, ValueError), ({"": 1}, ValueError), ({3: 1}, ValueError), (object(), TypeError)]
+)
+def test_what_could_not_be_read_again_is_refused(tmp_path, part, error):
+    with pytest.raises(error):
+        save_checkpoint(tmp_path / "a", {"part": part}, {})
     assert not list(tmp_path.iterdir())
 
 

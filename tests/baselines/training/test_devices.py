@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from baselines.training import devices, nvidia
-from baselines.training.devices import chosen_device, missing_for_cuda, warn_of_slow_profile
+from baselines.training.devices import chosen_device, warn_of_slow_profile
 from hydroviews.errors import InputError
 
 
@@ -20,6 +20,26 @@ def nothing_said_yet(monkeypatch):
 def no_device(monkeypatch):
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
     monkeypatch.setattr(nvidia, "driver_version", lambda: None)
+
+
+def test_the_environment_has_the_last_word_and_unknown_devices_are_refused(no_device, monkeypatch):
+    assert chosen_device("cpu") == "cpu"
+    with pytest.raises(InputError, match="device tpu"):
+        chosen_device("tpu")
+    monkeypatch.setenv("HYDROVIEWS_DEVICE", "cpu")
+    assert chosen_device("cuda") == "cpu"
+    monkeypatch.setenv("HYDROVIEWS_DEVICE", "cuda")
+    with pytest.raises(InputError, match="no CUDA device"):
+        chosen_device("cpu")
+
+
+def test_a_gpu_is_of_no_use_without_the_package_that_is_needed_there(monkeypatch, caplog):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    assert chosen_device("auto", "numpy") == "cuda"
+    assert chosen_device("auto", "no_such_package") == "cpu"
+    assert "no_such_package not installed" in caplog.text
+    with pytest.raises(InputError, match="no_such_package not installed"):
+        chosen_device("cuda", "no_such_package")
 
 
 def test_a_machine_without_a_gpu_is_no_reason_to_say_anything(no_device, caplog):
@@ -65,13 +85,4 @@ def test_the_profile_for_a_gpu_is_warned_of_on_the_cpu(no_device, monkeypatch, c
     for _ in range(2):
         warn_of_slow_profile("paper")
     assert [record.levelname for record in caplog.records] == ["WARNING"]
-    assert "paper is made for a GPU" in caplog.text
-
-
-def test_the_profile_for_a_gpu_is_not_warned_of_on_one(pretended_gpu, monkeypatch, caplog):
-    assert missing_for_cuda() is None
-    warn_of_slow_profile("paper")
-    assert not caplog.records
-    monkeypatch.setenv("HYDROVIEWS_DEVICE", "cpu")
-    warn_of_slow_profile("paper")
     assert "paper is made for a GPU" in caplog.text

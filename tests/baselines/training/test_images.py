@@ -1,6 +1,5 @@
 """The photographs in memory: once, also where their pixels are wanted in one array."""
 
-import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -8,9 +7,7 @@ import pytest
 from splats import photographed
 
 from baselines.training.images import TrainingImages, evenly_spread, read_images
-from baselines.volumetric.rays.batches import TrainingPixels
 from hydroviews.errors import InputError
-from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import to_uint8
 from hydroviews.scene.masks import write_ignored
 from hydroviews.scene.scenes import View
@@ -45,15 +42,6 @@ def test_the_digest_tells_what_is_hidden():
     assert len({TrainingImages([black], [hidden]).digest() for hidden in (None, mask, ~mask)}) == 3
 
 
-def test_a_field_learns_from_the_pictures_themselves():
-    images = TrainingImages(pictures())
-    alone = [weakref.ref(images.pixels(index)) for index in range(3)]
-    cameras = [Camera(width, height, 5.0, 5.0, width / 2, height / 2, np.eye(4)) for height, width in SIZES]
-    pixels = TrainingPixels(cameras, images)
-    assert [picture() for picture in alone] == [None] * 3
-    assert all(np.shares_memory(pixels._colours, images.pixels(index)) for index in range(3))
-
-
 def test_pictures_are_read_in_eight_bits(tmp_path, monkeypatch):
     """A photograph in float32, larger than its camera, would be there as planes and as a picture at once."""
     views = photographed(tmp_path, n_views=6).views
@@ -73,15 +61,6 @@ def test_photographs_that_masks_hide_entirely_are_refused(tmp_path):
     for shown in (views[0], replace(views[0], mask=tmp_path / "part.png")):
         assert len(read_images([shown, *masked])) == 7
     assert len(read_images([])) == 0
-
-
-def test_a_size_that_is_asked_for_once_is_not_kept():
-    mask = np.zeros(SIZES[0], bool)
-    mask[2:] = True
-    images = TrainingImages(pictures()[:1], [mask])
-    assert np.array_equal(images.pixels_once(0, (2, 3)), TrainingImages(pictures()[:1], [mask]).pixels(0, (2, 3)))
-    assert np.array_equal(images.pixels_once(0, SIZES[0]), images.pixels(0))
-    assert not images._smaller
 
 
 @pytest.mark.parametrize(

@@ -34,7 +34,6 @@ from deraings.enhancement.training.pairs import Pairs
 from hydroviews.pairs.rainy_pairs import DrawnRain
 from leaderboard.site.learning_curves import learning_curves
 
-SIGNALS = [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit)]
 INTERVALS = Intervals(checkpoint_seconds=1e9, validate_every=2)
 
 
@@ -145,8 +144,10 @@ def interrupting(monkeypatch, at, number):
     return iterations
 
 
-@pytest.mark.parametrize(("number", "error"), SIGNALS, ids=["SIGINT", "SIGTERM"])
-@pytest.mark.parametrize("name", TRAININGS)
+@pytest.mark.parametrize(
+    ("name", "number", "error"),
+    [*((name, signal.SIGINT, KeyboardInterrupt) for name in TRAININGS), ("densification", signal.SIGTERM, SystemExit)],
+)
 def test_a_signal_ends_a_training_after_its_step_and_leaves_no_trace(
     name, number, error, scenes, left_alone, tmp_path, monkeypatch
 ):
@@ -164,12 +165,17 @@ def test_a_signal_ends_a_training_after_its_step_and_leaves_no_trace(
         assert one.tobytes() == other.tobytes()
 
 
-def test_the_curve_goes_on_over_sessions(scenes, tmp_path, monkeypatch):
-    for moment in (2, 3):
+def interrupted_at(moments, train, monkeypatch):
+    """Sessions of a training that Ctrl-C ends at these iterations."""
+    for moment in moments:
         with monkeypatch.context() as patch:
             interrupting(patch, moment, signal.SIGINT)
             with pytest.raises(KeyboardInterrupt):
-                of_enhancement(tmp_path, None)
+                train()
+
+
+def test_the_curve_goes_on_over_sessions(tmp_path, monkeypatch):
+    interrupted_at((2, 3), lambda: of_enhancement(tmp_path, None), monkeypatch)
     of_enhancement(tmp_path, None)
     rows = (tmp_path / CURVE).read_text().splitlines()[1:]
     assert [row.split(",")[0] for row in rows] == ["2", "4", "5"]
@@ -177,11 +183,7 @@ def test_the_curve_goes_on_over_sessions(scenes, tmp_path, monkeypatch):
 
 def test_ctrl_c_that_workers_get_as_well_ends_the_training_after_its_step(left_alone, tmp_path, monkeypatch):
     expected = left_alone("enhancement")
-    with monkeypatch.context() as patch:
-        iterations = interrupting(patch, 2, signal.SIGINT)
-        with pytest.raises(KeyboardInterrupt):
-            of_enhancement(tmp_path, None, workers=2)
-    assert iterations == [0, 1, 2]
+    interrupted_at((2,), lambda: of_enhancement(tmp_path, None, workers=2), monkeypatch)
     assert not multiprocessing.active_children()  # none is left to be waited for
     for one, other in zip(expected, of_enhancement(tmp_path, None, workers=2), strict=True):
         assert one.tobytes() == other.tobytes()
@@ -237,15 +239,6 @@ def test_checkpoints_are_written_when_due_and_at_the_end(tmp_path, monkeypatch):
     assert written[1:] == list(range(1, 11))
 
 
-def test_seconds_add_up_and_a_finished_training_is_left_as_it_is(tmp_path):
-    first, again = Counting(), Counting()
-    loop.run(first, tmp_path / CHECKPOINT, {}, 1e9)
-    before = (tmp_path / CHECKPOINT).read_bytes()
-    loop.run(again, tmp_path / CHECKPOINT, {}, 1e9)
-    assert again.seconds == first.seconds > 0
-    assert (tmp_path / CHECKPOINT).read_bytes() == before
-
-
 def test_seconds_of_an_earlier_session_count(tmp_path):
     path, trainer = tmp_path / CHECKPOINT, Counting()
     save_checkpoint(path, {"iteration": 4, "seconds": 1000.0, "sums": {"total": np.full(1, 6.0)}}, {})
@@ -271,20 +264,6 @@ def test_the_learning_curve_has_means_of_losses_and_the_counts_of_then(tmp_path)
     seconds = [float(row["seconds"]) for row in rows]
     assert seconds == sorted(seconds)
     assert seconds[-1] == pytest.approx(trainer.seconds, rel=1e-5)
-
-
-def test_the_learning_curve_goes_on_over_sessions(tmp_path, monkeypatch):
-    losses = {step: float(step) for step in range(250)}
-    loop.run(Counting(250, losses), tmp_path / "alone" / CHECKPOINT, {}, 1e9)
-    for moment in (1, 100):
-        with monkeypatch.context() as patch:
-            interrupting(patch, moment, signal.SIGINT)
-            with pytest.raises(KeyboardInterrupt):
-                loop.run(Counting(250, losses), tmp_path / CHECKPOINT, {}, 1e9)
-    assert learning_curve(tmp_path)[-1]["step"] == "99"  # what is there of it is in the folder as well
-    loop.run(Counting(250, losses), tmp_path / CHECKPOINT, {}, 1e9)
-    (rows, expected) = (learning_curve(folder) for folder in (tmp_path, tmp_path / "alone"))
-    assert [row | {"seconds": ""} for row in rows] == [row | {"seconds": ""} for row in expected]
 
 
 def test_a_kill_after_the_last_checkpoint_leaves_the_whole_learning_curve(tmp_path, monkeypatch):
@@ -314,14 +293,9 @@ def test_losses_that_come_later_or_are_not_in_every_step_have_columns_and_means_
     loop.run(Changing(250), tmp_path / CHECKPOINT, {}, 1e9)
     rows = learning_curve(tmp_path)  # every third step
     assert list(rows[0]) == ["step", "seconds", "loss", "numbers", "now and then", "late", "late numbers"]
-    told = [(row["step"], row["now and then"], row["late"], row["late numbers"]) for row in rows]
-    assert told[:4] == [
-        ("3", "0", "nan", "nan"),
-        ("6", "4", "nan", "nan"),
-        ("9", "8", "nan", "nan"),
-        ("12",) + 3 * ("nan",),
-    ]
-    assert told[33:35] == [("102", "100", "201", "101"), ("105", "104", "206", "104")]  # the first has steps 99 to 101
+    told = [" ".join(row[name] for name in ("step", "now and then", "late", "late numbers")) for row in rows]
+    assert told[:4] == ["3 0 nan nan", "6 4 nan nan", "9 8 nan nan", "12 nan nan nan"]
+    assert told[33:35] == ["102 100 201 101", "105 104 206 104"]  # the first has steps 99 to 101
     assert {curve.name: len(curve.points.split()) for curve in learning_curves(tmp_path)} == {
         "loss": 84, "numbers": 84, "now and then": 63, "late": 51, "late numbers": 51
     }  # fmt: skip
@@ -329,13 +303,10 @@ def test_losses_that_come_later_or_are_not_in_every_step_have_columns_and_means_
 
 def test_a_learning_curve_whose_losses_change_goes_on_over_sessions(tmp_path, monkeypatch):
     loop.run(Changing(250), tmp_path / "alone" / CHECKPOINT, {}, 1e9)
-    for moment in (0, 1, 98, 100, 103):  # the first before any row is there, others within one
-        with monkeypatch.context() as patch:
-            interrupting(patch, moment, signal.SIGINT)
-            with pytest.raises(KeyboardInterrupt):
-                loop.run(Changing(250), tmp_path / CHECKPOINT, {}, 1e9)
+    moments = (0, 1, 98, 100, 103)  # the first before any row is there, others within one
+    interrupted_at(moments, lambda: loop.run(Changing(250), tmp_path / CHECKPOINT, {}, 1e9), monkeypatch)
     loop.run(Changing(250), tmp_path / CHECKPOINT, {}, 1e9)
-    (rows, expected) = (learning_curve(folder) for folder in (tmp_path, tmp_path / "alone"))
+    rows, expected = (learning_curve(folder) for folder in (tmp_path, tmp_path / "alone"))
     assert [row | {"seconds": ""} for row in rows] == [row | {"seconds": ""} for row in expected]
 
 
@@ -348,18 +319,6 @@ def test_a_learning_curve_of_an_older_checkpoint_goes_on(tmp_path, columns):
     loop.run(Counting(250, {5: 5.0}), path, {}, 1e9)
     row = learning_curve(tmp_path)[len(rows)]
     assert (row["step"], row["loss"], row["numbers"]) == ("6", "4", "6")
-
-
-def test_a_checkpoint_without_a_learning_curve_is_gone_on_from(tmp_path):
-    path = tmp_path / CHECKPOINT
-    save_checkpoint(path, {"iteration": 4, "seconds": 1.0, "sums": {"total": np.full(1, 6.0)}}, {})
-    loop.run(Counting(), path, {}, 1e9)
-    assert [row["step"] for row in learning_curve(tmp_path)] == ["5", "6", "7", "8", "9", "10"]
-
-
-def test_progress_shows_the_first_loss_and_counts(tmp_path, capsys):
-    loop.run(Counting(), tmp_path / CHECKPOINT, {}, 1e9)
-    assert "loss 0.5000, 10 numbers" in capsys.readouterr().err
 
 
 class Watching(Counting):

@@ -12,8 +12,3 @@ def test_positions_are_followed_by_sines_and_cosines_of_doubled_frequencies():
     for wave in (np.sin, np.cos):
         expected += [wave(2.0**k * np.pi * value) for k in range(2) for value in (0.25, -0.5, 0.1)]
     np.testing.assert_allclose(positional(x, 2).numpy()[0], expected, atol=1e-6)
-
-
-def test_any_leading_dimensions_are_kept():
-    x = torch.rand(4, 5, 3, generator=torch.Generator().manual_seed(0))
-    assert torch.equal(positional(x, 3).reshape(20, -1), positional(x.reshape(20, 3), 3))

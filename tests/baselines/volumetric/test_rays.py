@@ -7,7 +7,7 @@ import pytest
 import torch
 from splats import camera
 
-from baselines.volumetric.rays.rays import CameraArrays, WorldRays, camera_rays, depth_range
+from baselines.volumetric.rays.rays import WorldRays, camera_rays, depth_range
 from baselines.volumetric.rays.spaces import NDC, Contracted, choose_space, contract, expand, space_from
 from hydroviews.errors import InputError
 from hydroviews.scene.cameras import Camera
@@ -46,16 +46,6 @@ def test_points_on_rays_project_onto_pixel_centres_at_their_depth():
     np.testing.assert_allclose(found, depths)
 
 
-def test_rays_of_many_cameras_are_those_of_each():
-    cameras = forward_cameras()
-    views, columns, rows = np.array([3, 0, 4]), np.array([0.5, 39.5, 7.25]), np.array([29.5, 0.5, 3.0])
-    together = CameraArrays(cameras).rays(views, columns, rows)
-    for k, view in enumerate(views):
-        alone = CameraArrays([cameras[view]]).rays(np.zeros(1, int), columns[k : k + 1], rows[k : k + 1])
-        np.testing.assert_array_equal(together.origins[k], alone.origins[0])
-        np.testing.assert_allclose(together.directions[k], alone.directions[0], rtol=1e-14)
-
-
 def test_depths_of_visible_points_bound_the_range():
     cameras = [Camera(40, 30, 36.0, 36.0, 20.0, 15.0, np.eye(4))]
     assert depth_range(cameras, points_at([2.0, 5.0, 9.0]), 1.0) == pytest.approx((2, 9))
@@ -64,12 +54,6 @@ def test_depths_of_visible_points_bound_the_range():
     assert depth_range(cameras, no_points(), 3.0) == pytest.approx((0.3, 30))
     stray = points_at([5.0] * 40 + [1e-5], 50)  # a camera among the points: more than a permille is that near
     assert depth_range(cameras, stray, 1.0)[0] == pytest.approx(0.05)
-
-
-def test_contraction_of_known_points():
-    points = torch.tensor([[0, 0, 0], [0.6, 0, 0.8], [2, 0, 0], [0, -4, 0], [0, 0, 1e9]], dtype=torch.float64)
-    expected = [[0, 0, 0], [0.6, 0, 0.8], [1.5, 0, 0], [0, -1.75, 0], [0, 0, 2]]
-    np.testing.assert_allclose(contract(points), expected, atol=1e-8)
 
 
 def test_contraction_and_its_inverse():

@@ -9,7 +9,7 @@ from baselines.splatting.appearance.gaussians import AppearanceGaussians, with_a
 from baselines.splatting.backends import torch_rasterizer as reference
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.rasterizer import backward_sh_sets, render_sh_sets
-from baselines.wild_gaussians.appearance import MIDDLE, AppearanceConfig, WildAppearance, fourier, toned
+from baselines.wild_gaussians.appearance import MIDDLE, AppearanceConfig, WildAppearance, toned
 from baselines.wild_gaussians.mean_appearance import mean_appearance
 from baselines.wild_gaussians.sky import Bounds
 
@@ -83,33 +83,3 @@ def test_it_starts_from_the_colours_as_they_are():
     gaussians = with_appearance(cloud(40, 1), model)
     cameras = [camera(24, 20, angle) for angle in (0, 2, 4)]
     assert np.abs(mean_appearance(gaussians, model, cameras, 0.01, antialiased=False).sh - gaussians.sh).max() < 0.02
-
-
-def test_fourier_features_tell_positions_apart():
-    positions = np.random.default_rng(0).uniform(-1, 1, (50, 3))
-    features = fourier(positions)
-    assert features.shape == (50, 24)
-    assert np.allclose(features**2 @ np.ones(24), 12)  # sine and cosine, four octaves, three axes
-    apart = np.linalg.norm(features[:, None] - features[None], axis=2) + 9 * np.eye(50)
-    assert apart.min() > 0.5
-    assert np.allclose(features[:, 0], np.sin(np.pi * positions[:, 0]), atol=1e-6)
-    moved = replace(cloud(5), origin=np.array([7.0, 0, 0]))
-    centred = WildAppearance(1, Bounds(np.array([7.0, 0, 0]), 1.5), 9, LIVELY, 0)
-    assert np.allclose(centred.features(moved), appearance().features(cloud(5)), atol=1e-6)
-
-
-def test_steps_survive_a_checkpoint_and_rates_fall():
-    def step(model, iteration):
-        for parameter in model.parameters():
-            parameter.grad = torch.full_like(parameter, 0.1)
-        model.learn(iteration)
-
-    one, other = appearance(), appearance(seed=1)
-    step(one, 0)
-    other.load_training_state(one.training_state())
-    for model in (one, other):
-        step(model, 1)
-    assert all(np.array_equal(value, other.training_state()[name]) for name, value in one.training_state().items())
-    assert not any(parameter.grad is not None and parameter.grad.any() for parameter in one.parameters())
-    falling = appearance(config=AppearanceConfig(final=0.01))
-    assert falling.feature_rate(50) == pytest.approx(0.1 * falling.feature_rate(0))

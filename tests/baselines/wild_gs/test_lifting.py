@@ -6,7 +6,7 @@ import torch
 from splats import camera
 
 from baselines.splatting.gaussians import Gaussians
-from baselines.wild_gs.lifting import lifted, lifted_size, rendered_depth
+from baselines.wild_gs.lifting import lifted, rendered_depth
 
 
 def wall(depth, view, count=40, reach=3.0):
@@ -39,21 +39,6 @@ def test_pixels_of_a_plane_are_lifted_onto_it():
     assert np.abs(single - expected.reshape(-1, 3)).max() < 1e-5 * np.abs(depths).max()
 
 
-def test_points_project_to_the_pixels_they_come_from():
-    view = camera(9, 6, 0.7)
-    depths = torch.rand(6, 9, dtype=torch.float64, generator=torch.Generator().manual_seed(0)) + 1
-    pixels, found = view.project(lifted(depths, view).numpy())
-    columns, rows = np.meshgrid(np.arange(9) + 0.5, np.arange(6) + 0.5)
-    assert np.allclose(pixels, np.stack([columns, rows], axis=-1).reshape(-1, 2))
-    assert np.allclose(found, depths.flatten())
-
-
-def test_what_has_no_depth_is_no_point():
-    depths = torch.full((3, 4), 2.0)
-    depths[1, 2] = torch.nan
-    assert lifted(depths, camera(4, 3)).isfinite().all(dim=1).tolist() == depths.isfinite().flatten().tolist()
-
-
 @pytest.mark.parametrize("antialiased", [False, True])
 def test_the_depth_of_a_wall_is_where_it_stands(antialiased):
     view = camera(20, 15)
@@ -74,11 +59,3 @@ def test_where_next_to_nothing_is_there_is_no_depth():
     assert np.isnan(rendered_depth(none, view, 0.1, False)).all()
     faint = {**half, "opacity_logits": half["opacity_logits"] - 12}
     assert np.isnan(rendered_depth(faint, view, 0.1, False)).all()
-
-
-@pytest.mark.parametrize(
-    ("size", "longest", "expected"),
-    [((213, 320), 160, (106, 160)), ((320, 213), 160, (160, 106)), ((10, 12), 160, (10, 12)), ((1, 900), 90, (1, 90))],
-)
-def test_what_is_lifted_is_no_larger_than_is_asked_for(size, longest, expected):
-    assert lifted_size(*size, longest) == expected

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 import torch
 from splats import camera, cloud
 
@@ -44,12 +43,6 @@ def shown(appearance, gaussians=None, view=0):
     return AppearanceGaussians(with_appearance(gaussians or opaque(), appearance), appearance, VIEW, view, 1)
 
 
-def test_the_first_look_has_the_points_colours():
-    gaussians = opaque()
-    found = shown(appearance_of(), gaussians)
-    assert np.array_equal(found.sh[0], gaussians.sh[found.rows])
-
-
 def test_colours_are_what_the_layers_say_of_codes_and_intrinsic_numbers():
     colours = restless(appearance_of()).colours
     codes, intrinsic = torch.rand(7, 2 * SEEING.code), torch.rand(7, SEEING.intrinsic)
@@ -72,16 +65,6 @@ def test_what_lies_beyond_the_box_shares_one_local_code():
     assert torch.equal(local[2:], colours.outside.expand(2, -1))
     assert torch.equal(codes[:, : SEEING.code], colours.of_whole(whole).expand(4, -1))
     assert torch.equal(colours.codes(whole, None, positions)[:, SEEING.code :], colours.outside.expand(4, -1))
-
-
-@pytest.mark.parametrize("box", [1.0, 0.5])
-def test_the_box_is_laid_over_nearly_all_points(box):
-    colours = appearance_of(replace(SEEING, box=box)).colours
-    points = np.random.default_rng(0).uniform(-3, 3, (10_000, 3)).astype(np.float32) + np.float32(5)
-    points[:50] *= 1000  # strays
-    colours.enclose(points)
-    assert torch.allclose(colours.middle, torch.full((3,), 5.0), atol=0.1)
-    assert torch.allclose(colours.reach, torch.full((3,), 3 * box), atol=0.1)
 
 
 def test_gradients_reach_the_gaussians_colours_and_numbers_every_network_and_no_position():
@@ -128,42 +111,6 @@ def test_what_is_masked_or_hidden_is_not_lifted():
     assert points(nothing) == 0
     assert 0 < points(half) < everything
     assert 0 < points(all_seen, [ignored, None]) < everything
-
-
-def test_there_is_no_local_look_at_first():
-    appearance = restless(appearance_of(replace(SEEING, local_from=0.5)))
-    gaussians = opaque()
-    first = shown(appearance, gaussians)
-    added = first.sh[0] - gaussians.sh[first.rows]
-    assert np.ptp(added, axis=0).max() < 1e-5  # all Gaussians are alike
-    appearance._steps = 5
-    later = shown(appearance, gaussians)
-    assert np.ptp(later.sh[0] - gaussians.sh[later.rows], axis=0).max() > 0.01
-
-
-def test_depths_are_kept_for_some_steps_and_rendered_anew():
-    appearance, near, far = appearance_of(replace(SEEING, renewed=3)), opaque(), opaque()
-    near = replace(near, means=near.means * np.float32(0.5))
-
-    def depth_of(gaussians, step):
-        appearance._steps = step
-        shown(appearance, gaussians)
-        return appearance._depths[0]
-
-    first = depth_of(far, 0)
-    assert depth_of(near, 0) is first
-    assert depth_of(near, 2) is first
-    renewed = depth_of(near, 3)
-    assert renewed[0] == 3
-    assert not np.array_equal(renewed[1], first[1], equal_nan=True)
-    with torch.no_grad():
-        shown(appearance, far, view=1)
-    assert list(appearance._depths) == [0]  # nothing is kept where nothing is learned
-
-
-def test_the_price_of_masking_falls_linearly():
-    appearance = appearance_of(iterations=101)
-    assert [appearance.visible_price(k) for k in (0, 50, 100)] == pytest.approx([0.4, 0.25, 0.1])
 
 
 def test_the_mask_learns_at_the_price_of_the_step():

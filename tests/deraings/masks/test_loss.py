@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from baselines.splatting.kernels.loss_map import loss_map
-from baselines.splatting.kernels.photometric import photometric_loss, prepare_target
+from baselines.splatting.kernels.photometric import prepare_target
 from deraings.masks.network import MaskNetwork, high_pass, spectral_pooling
 from hydroviews.metrics.ssim import ssim_map
 from hydroviews.scene.images import to_uint8
@@ -19,13 +19,6 @@ def pictures(seed=0, height=23, width=31):
 
 def target_of(picture, ignored=None):
     return prepare_target(to_uint8(picture), ignored)
-
-
-def test_the_map_adds_up_to_the_loss():
-    image, target = pictures()
-    for share in (0.0, 0.2, 1.0):
-        expected = photometric_loss(image, target_of(target), share)[0]
-        assert loss_map(image, target_of(target), share).mean() == pytest.approx(expected, rel=1e-5)
 
 
 def test_the_map_is_l1_and_ssim_of_each_pixel():
@@ -48,24 +41,6 @@ def test_hidden_pixels_have_no_loss_and_leave_no_trace():
     assert np.array_equal(found, loss_map(spoilt, target_of(target, ignored)))
 
 
-def test_the_map_does_not_take_another_size():
-    image, target = pictures()
-    with pytest.raises(ValueError, match="differ in size"):
-        loss_map(image[:-1], target_of(target))
-
-
-def test_the_gradient_of_the_masked_loss_by_the_image():
-    """Masked pixels count for less in the windows of the others, too."""
-    image, target = pictures(height=12, width=13)
-    weights = np.random.default_rng(3).random((12, 13), np.float32)
-    gradient = photometric_loss(image, target_of(target), weights=weights)[1].copy()
-    for row, column, channel in ((0, 0, 0), (5, 6, 1), (11, 12, 2), (3, 9, 0)):
-        step = np.zeros_like(image)
-        step[row, column, channel] = 1e-3
-        sides = [photometric_loss(image + s * step, target_of(target), weights=weights)[0] for s in (1, -1)]
-        assert (sides[0] - sides[1]) / 2e-3 == pytest.approx(gradient[row, column, channel], rel=0.05, abs=2e-5)
-
-
 @pytest.mark.parametrize("shape", [(16, 20), (15, 21), (1, 7), (9, 1)])
 @pytest.mark.parametrize("cutoff", [0.0, 0.125, 0.3])
 def test_spectral_pooling_is_the_rms_of_the_high_passed_map(shape, cutoff):
@@ -75,22 +50,6 @@ def test_spectral_pooling_is_the_rms_of_the_high_passed_map(shape, cutoff):
     assert passed.mean(dim=(2, 3)).abs().max() < 1e-6  # so the mean would tell nothing
     expected = (passed**2).mean(dim=(2, 3)).sqrt()
     assert torch.allclose(spectral_pooling(features, cutoff), expected, atol=2e-6)
-
-
-def test_what_passes():
-    x = torch.arange(64)
-    waves = torch.stack([torch.cos(2 * np.pi * f * x).repeat(64, 1) for f in (0, 4 / 64, 8 / 64, 16 / 64)])
-    found = spectral_pooling(torch.stack([waves, waves.mT]), 0.125)
-    assert torch.allclose(found, torch.tensor([0, 0, 0.5**0.5, 0.5**0.5]), atol=2e-6)
-
-
-def test_the_network_has_the_papers_parts_and_starts_with_hardly_any_mask():
-    network = MaskNetwork(shrink=4, fine=2, width=8, cutoff=0.125)
-    assert [block[0].kernel_size for block in network.encoder] == [(1, 1), (3, 3), (1, 1)]
-    assert (len(network.unet.down), len(network.unet.up)) == (5, 4)
-    mask = network(torch.rand(1, 3, 60, 84))
-    assert mask.shape == (1, 1, 30, 42)
-    assert torch.allclose(mask, torch.tensor(0.02))
 
 
 @pytest.mark.parametrize("attention", [True, False])

@@ -1,4 +1,4 @@
-"""Commands that are killed or run out of disk, and whether they go on to the bytes of an undisturbed run."""
+"""Commands that are killed, and whether they go on to the bytes of an undisturbed run."""
 
 import hashlib
 import multiprocessing
@@ -16,9 +16,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
-from small_disks import space_of, twice_on_a_disk
 
 from baselines.gaussian_splatting import GaussianSplatting
 from baselines.splatting_profiles import PROFILES
@@ -47,7 +45,6 @@ IMPORTED = [
 ]
 SERVER = multiprocessing.get_context("forkserver")
 TIMED = ["before_s", "train_s", "after_s", "render_fps", "peak_mem_mb", "sessions"]  # columns of a leaderboard
-SHARES = 0.05, 0.9  # of the space needed, on the smallest and the largest disk that is too small
 Files = dict[str, str]  # SHA-256 by path
 
 
@@ -212,15 +209,3 @@ def kills(stage: Stage, folder: Path, alone: Undisturbed, count: int, seed: int)
             ends["does not go on"] += 1
     found = {name: ends[name] for name in ("same bytes", "other bytes", "does not go on")}
     return {"stage": stage.name, "seconds": round(alone.seconds, 1), "kills": count, **found}
-
-
-def disks(stage: Stage, folder: Path, alone: Undisturbed, levels: int) -> Iterator[dict[str, Any]]:
-    """Run a stage on disks that hold a share of what it writes, and again on a larger one: rows of the table."""
-    needed, notes = space_of(folder), folder.with_name("notes")
-    for share in np.linspace(*SHARES, levels):
-        command = [sys.executable, "-m", *stage.begin(fresh(folder))]
-        status, errors = twice_on_a_disk(command, folder, fresh(notes), int(share * needed))
-        plain = status == 2 and "no space left on the disk" in errors and "Traceback" not in errors
-        told = "yes" if plain else "no" if status else "it fits"
-        end = "same bytes" if stage.end(notes / folder.name) == alone.files else "other bytes"
-        yield {"disk, share": round(float(share), 2), "status": status, "told plainly": told, "then": end}

@@ -4,7 +4,6 @@ import json
 from dataclasses import asdict
 
 import pytest
-from servers import serving
 from shared_data_set import SHAREABLE, built_in
 from synthetic import capture_in
 
@@ -17,35 +16,11 @@ from hydroviews.formats.writers import write_colmap
 from hydroviews.profiles import find_profile
 from leaderboard.evaluate import EvaluateRequest, evaluate
 from leaderboard.records import NOTED
-from leaderboard.runs.run import Run, claim_folder
-from leaderboard.runs.train_and_render import train_and_render
-from leaderboard.scoring.score import score
-
-
-def trained_record(data, results):
-    run = Run("short_splatting:ShortSplatting", "demo", 0, data, "yard", "streak-1", results)
-    claim_folder(run, overwrite=False)
-    train_and_render(run)
-    return comparable(score(run))
 
 
 def comparable(record):
     """What a record says of data and scores, not of the machine and the time that it took."""
     return {name: value for name, value in asdict(record).items() if name not in NOTED}
-
-
-def test_a_fetched_variant_trains_to_the_same_record(tmp_path, monkeypatch):
-    for name in ("http_proxy", "HTTP_PROXY"):
-        monkeypatch.delenv(name, raising=False)
-    built = built_in(tmp_path)
-    [(path, digest)] = pack(built, tmp_path / "out", patterns=["streak-1"])
-    with serving({"/a.zip": path.read_bytes()}) as server:
-        fetch(f"{server.address}/a.zip#sha256={digest}", tmp_path / "fetched")
-    ours, theirs = (trained_record(data, tmp_path / data.name / "r") for data in (built.parent, tmp_path / "fetched"))
-    assert ours == theirs
-    assert ours["status"] == "done"
-    assert ours["scores"]["psnr"] > 5
-    assert ours["data_sha256"] == data_hash(built.parent, "yard", "streak-1")
 
 
 @pytest.mark.usefixtures("toys", "trained_here")
@@ -91,11 +66,3 @@ def test_an_evaluation_needs_no_capture_for_what_was_fetched(tmp_path):
     (fetched / "clean/view-00.png").write_bytes(b"changed")
     with pytest.raises(InputError, match="not what the manifest says"):
         build_source("yard", tmp_path / "other", demo, captures=tmp_path / "none")
-
-
-def test_a_fetched_capture_taken_in_rain_needs_no_patterns(tmp_path):
-    built = built_in(tmp_path, patterns=(), says={"rain": "captured", **SHAREABLE})
-    [(path, _)] = pack(built, tmp_path / "out")
-    folder = fetch(str(path), tmp_path / "fetched")
-    demo = find_profile("demo")
-    assert build_source("yard", tmp_path / "fetched", demo, all_patterns=True, captures=tmp_path / "none") == folder

@@ -4,13 +4,9 @@ import numpy as np
 import pytest
 from balls import photographed
 
-from benchmarks.rain.hard_rain import AIR, behind, blank, foggy, painted, row
-from hydroviews.files.atomic import write_json
-from hydroviews.rain.layers import write_layers
+from benchmarks.rain.hard_rain import AIR, foggy, painted, row
 from hydroviews.scene.depth import depth_path, write_depth
-from hydroviews.scene.images import read_image, to_linear, to_srgb
-
-TO_THE_BYTE = 1.01 / 255
+from hydroviews.scene.images import to_linear, to_srgb
 
 
 @pytest.fixture
@@ -29,32 +25,6 @@ def test_fog_takes_half_of_the_light_at_the_middle_depth_and_all_of_the_sky(scen
     assert np.allclose(picture[:3], AIR, atol=1e-5)
     assert np.allclose(picture[3:6], to_srgb(0.25 * clear + 0.75 * air)[3:6], atol=1e-5)
     assert np.allclose(picture[6:], to_srgb(0.5 * clear + 0.5 * air)[6:], atol=1e-5)
-
-
-def test_a_wet_lens_before_other_rain(scene, tmp_path):
-    view = scene.views[0]
-    even = np.ones((view.camera.height, view.camera.width), np.float32)
-    write_json(tmp_path / "raindrop-1/pattern.json", {"effect": "raindrop", "parameters": {}})
-    planes = {"M": 0.5 * even, "V": 0.25 * even, "R": 0.125 * even, "G": 0.125 * even, "B": 0.125 * even}
-    write_layers(tmp_path / f"raindrop-1/layers/{view.name}.exr", planes)
-    expected = to_srgb(0.375 * to_linear(view.image()) + 0.125)
-    assert np.allclose(behind(tmp_path / "raindrop-1")(view), expected, atol=1e-6)
-
-
-def test_one_training_photograph_shows_mist_alone(scene, tmp_path):
-    misted = painted(scene, tmp_path / "mist", blank(scene))
-    even = [view.name for view in misted.views if np.allclose(view.image(), AIR, atol=TO_THE_BYTE)]
-    assert len(even) == 1
-    assert even[0] in scene.split.train
-    for view, before in zip(misted.views, scene.views, strict=True):
-        assert view.name in even or (view.image() == before.image()).all()
-
-
-def test_photographs_are_painted_once(scene, tmp_path):
-    first = painted(scene, tmp_path / "made", lambda view: 0.5 * view.image())
-    again = painted(scene, tmp_path / "made", lambda view: 0.1 * view.image())
-    assert [view.path for view in first.views] == [view.path for view in again.views]
-    assert np.allclose(read_image(again.views[0].path), 0.5 * scene.views[0].image(), atol=TO_THE_BYTE)
 
 
 @pytest.mark.usefixtures("toys")

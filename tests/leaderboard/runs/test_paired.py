@@ -1,27 +1,20 @@
 """Paired captures from the folder to the table: trained on rainy photographs, scored on clean ones."""
 
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 from paired import NAMES, name_cameras, paired_capture
-from synthetic import capture_in
 
-from baselines.gaussian_splatting import GaussianSplatting
-from baselines.method import find_method
-from baselines.splatting.config import TrainerConfig
 from hydroviews import metrics
-from hydroviews.dataset.card.contact_sheet import write_sheets
 from hydroviews.dataset.checks.verify import verify
 from hydroviews.dataset.sources import build_source
-from hydroviews.dataset.variants import has_ceiling, open_clean, open_variant
+from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.formats.capture_json import CAPTURED
-from hydroviews.formats.writers import write_colmap
 from hydroviews.profiles import find_profile
 from hydroviews.scene.images import read_image, write_png
 from leaderboard.evaluate import EvaluateRequest, evaluate, outcome
@@ -29,9 +22,7 @@ from leaderboard.runs.run import Run, claim_folder
 from leaderboard.runs.train_and_render import train_and_render
 from leaderboard.scoring.score import score
 from leaderboard.tables import rain_losses as severity
-from leaderboard.viewer.comparison import list_shots
 
-STEPS = 20
 PARTS = [0, 1, 2, 3, 4, 5], [6, 7, 8]  # clutter and extra
 
 
@@ -87,23 +78,6 @@ def test_of_other_views_there_is_no_ceiling(tmp_path, caplog):
     assert row.psnr == floor.scores["psnr"]
 
 
-def test_of_other_views_the_data_set_is_whole(tmp_path):
-    folder = built(tmp_path, paired_capture(tmp_path / "walk", NAMES[:6], NAMES[6:]))
-    assert sorted(path.stem for path in (folder / CAPTURED / "images").iterdir()) == NAMES[:6]
-    assert sorted(path.stem for path in (folder / "clean").iterdir()) == NAMES[6:]
-    assert verify(folder.parent) == []
-    assert len(open_variant(folder, CAPTURED).train_views) == 6
-    assert [view.image().shape for view in open_clean(folder).test_views] == [(36, 48, 3)] * 3
-    assert not has_ceiling(folder)
-    (sheet,) = write_sheets(folder)
-    assert sheet.is_file()
-    stamp = (folder.parent / "manifest.json").stat().st_mtime_ns
-    built(tmp_path, tmp_path / "walk")
-    assert (folder.parent / "manifest.json").stat().st_mtime_ns == stamp
-    (folder / "clean" / f"{NAMES[7]}.png").unlink()
-    assert any("clean/view-07.png: missing" in problem for problem in verify(folder.parent))
-
-
 @pytest.mark.parametrize(
     ("published", "prefixes"), [("robustnerf/statue", ("2clutter", "2extra")), ("onthego/corner", ("IMG_", "IMG_"))]
 )
@@ -149,51 +123,9 @@ def test_a_method_gets_no_clean_photograph(tmp_path, clean):
         assert [view.name for view in lent.training_scene().views] == NAMES  # of the others there are cameras
 
 
-@pytest.mark.parametrize("name", ["deraings", "deraings-plus"])
-def test_deraings_learns_from_paired_photographs(tmp_path, monkeypatch, name):
-    """As on a built variant, in few steps: from the rainy photographs alone, scored on clean ones of other views."""
-    method = find_method(name)
-    short = replace(method.profiles["demo"], splatting=TrainerConfig(iterations=STEPS, device="cpu"))
-    monkeypatch.setattr(method, "configuration", lambda _: short)
-    folder = built(tmp_path, paired_capture(tmp_path / "walk", NAMES[:6], NAMES[6:]))
-    run, record = trained(tmp_path / "data", CAPTURED, tmp_path / "results", name, "walk")
-    assert (record.status, record.n_train, record.n_test) == ("done", 6, 3)
-    enhanced = {path.stem for path in run.folder.glob("enhanced/*/*.png")}
-    assert enhanced
-    assert enhanced <= set(NAMES[:6])
-    places = run.folder / "renders", folder / "clean"
-    pairs = [[read_image(place / f"{view}.png") for place in places] for view in NAMES[6:]]
-    assert record.scores["psnr"] == pytest.approx(np.mean([metrics.psnr(*pair) for pair in pairs]), abs=1e-4)
-    assert record.scores["psnr"] > 5
-    assert not np.array_equal(pairs[0][0], pairs[1][0])
-
-
 def trained(data: Path, pattern: str, results: Path, method: str = "3dgs", scene: str = "yard"):
     one = Run(method, "demo", 0, data / "demo", scene, pattern, results)
     claim_folder(one, overwrite=False)
     with one.lent() as (lent, _):
         train_and_render(lent)
     return one, score(one)
-
-
-def test_photographs_of_a_built_variant_give_the_scores_of_that_variant(tmp_path, monkeypatch):
-    monkeypatch.setattr(GaussianSplatting, "configuration", lambda _: TrainerConfig(iterations=STEPS, device="cpu"))
-    capture = tmp_path / "yard"
-    write_colmap(capture_in(capture), capture / "sparse" / "0")
-    demo = find_profile("demo")
-    ordinary = build_source(str(capture), tmp_path / "ordinary" / "demo", demo, patterns=["streak-1"])
-    pair = tmp_path / "pair" / "yard"
-    shutil.copytree(ordinary / "sparse", pair / "sparse")
-    shutil.copytree(ordinary / "clean", pair / "clean")
-    shutil.copytree(ordinary / "streak-1" / "images", pair / "rainy")
-    paired = build_source(str(pair), tmp_path / "paired" / "demo", demo)
-    assert verify(paired.parent) == []
-    one, first = trained(tmp_path / "ordinary", "streak-1", tmp_path / "results-1")
-    two, second = trained(tmp_path / "paired", CAPTURED, tmp_path / "results-2")
-    assert first.scores == second.scores
-    assert first.scores["psnr"] > 5
-    renders = [read_image(run.folder / "renders" / "view-08.png") for run in (one, two)]
-    assert np.array_equal(*renders)
-    shots = list_shots(two)
-    assert [shot.scored for shot in shots if shot.held_out] == [True, True]
-    assert {shot.view.path.parent.name for shot in shots if shot.held_out} == {"clean"}

@@ -14,14 +14,13 @@ from hydroviews.captures.sfm.mapping import TooFewRegistered
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import open_clean
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import read_json
 from hydroviews.formats.read import read_scene
 from hydroviews.formats.writers import write_colmap
 from hydroviews.profiles import find_profile
 from hydroviews.scene.alignment import Similarity
 from hydroviews.scene.images import resize_area, write_png
 from hydroviews.scene.scenes import Points, View, make_scene
-from leaderboard.evaluate import EvaluateRequest, carry_out, evaluate
+from leaderboard.evaluate import carry_out, evaluate
 from leaderboard.runs import estimated_cameras
 from leaderboard.runs.run import Run
 from leaderboard.runs.supervision import Limits
@@ -34,21 +33,15 @@ LONGER = 1.02  # estimated over true focal length
 
 @pytest.fixture
 def built(evaluated_once, tmp_path):
-    """A data folder with a built scene, and an empty results folder beside it."""
-    for name in ("data", "yard"):
-        shutil.copytree(evaluated_once[0] / name, tmp_path / name)
+    """A folder with built data, and no results."""
+    shutil.copytree(evaluated_once[0] / "data", tmp_path / "data")
     return tmp_path
 
 
-def request(built: Path, method: str = "MeanColour", **changes) -> EvaluateRequest:
-    settings = {
-        "scene": str(built / "yard"),
-        "patterns": ("streak-0",),
-        "data": built / "data",
-        "results": built / "results",
-        "track": "rainy-poses",
-    }
-    return EvaluateRequest(method=f"toy_methods:{method}", **{**settings, **changes})
+@pytest.fixture
+def outcome(built, request_of):
+    """The record of a toy method in this track."""
+    return lambda method="MeanColour": evaluate(request_of(method, track="rainy-poses"))[-1]
 
 
 def run_of(built: Path, method: str = "MeanColour", pattern: str = "streak-0") -> Run:
@@ -78,9 +71,9 @@ def pretend(built: Path, monkeypatch, registered: int, move=lambda pose: ELSEWHE
     return calls
 
 
-def test_trains_on_registered_views_in_the_clean_world_and_scores_all_held_out_ones(built, monkeypatch):
+def test_trains_on_registered_views_in_the_clean_world_and_scores_all_held_out_ones(built, outcome, monkeypatch):
     calls = pretend(built, monkeypatch, registered=5)
-    record = evaluate(request(built))[-1]
+    record = outcome()
     assert (record.status, record.track, record.n_train, record.n_test) == ("done", "rainy-poses", 5, 2)
     assert (record.registered, record.photographs) == (5, 7)
     assert record.pose_auc_5 == pytest.approx(10 / 21, abs=1e-6)
@@ -117,12 +110,12 @@ def test_a_method_is_lent_estimated_cameras_and_no_others(built, monkeypatch):
         assert not loan.spoilt()
 
 
-def test_methods_share_cameras_and_clean_views_have_their_own(built, monkeypatch):
+def test_methods_share_cameras_and_clean_views_have_their_own(built, outcome, monkeypatch):
     calls = pretend(built, monkeypatch, registered=7)
-    evaluate(request(built))
+    outcome()
     rainy = {images.parent.parent.name: options["rainy"] for images, options in calls}
     assert rainy == {"clean": False, "streak-0": True}  # the ceiling's, the floor's
-    evaluate(request(built, "Raises"))
+    outcome("Raises")
     assert len(calls) == 2
 
 
@@ -141,18 +134,18 @@ def test_two_evaluations_at_once_estimate_once(built, monkeypatch):
     assert len(calls) == 1
 
 
-def test_goes_on_after_an_interruption(built, monkeypatch):
+def test_goes_on_after_an_interruption(built, outcome, monkeypatch):
     def stop():
         raise KeyboardInterrupt
 
     pretend(built, monkeypatch, registered=7, begun=stop)
     with pytest.raises(KeyboardInterrupt):
-        evaluate(request(built))
+        outcome()
     cameras = run_of(built, pattern="clean").cameras
     linked = sorted(path.name for path in (cameras / "photographs").iterdir())
     assert not (cameras / "errors.json").exists()
     pretend(built, monkeypatch, registered=7)
-    assert evaluate(request(built))[-1].status == "done"
+    assert outcome().status == "done"
     assert sorted(path.name for path in (cameras / "photographs").iterdir()) == linked
 
 
@@ -160,9 +153,9 @@ def test_goes_on_after_an_interruption(built, monkeypatch):
     ("registered", "reason"),
     [(3, "3 of 7 photographs registered, fewer than 4"), (2, "only 2 of 7 photographs could be registered")],
 )
-def test_too_few_registered_views_are_a_failed_row_with_the_reason(built, monkeypatch, registered, reason):
+def test_too_few_registered_views_are_a_failed_row_with_the_reason(built, outcome, monkeypatch, registered, reason):
     pretend(built, monkeypatch, registered=registered)
-    record = evaluate(request(built))[-1]
+    record = outcome()
     assert record.status == "failed"
     assert reason in record.reason
     assert (record.registered, record.photographs, record.scores) == (registered, 7, {})
@@ -172,30 +165,15 @@ def test_too_few_registered_views_are_a_failed_row_with_the_reason(built, monkey
         run_of(built).training_scene()
 
 
-def test_cameras_that_cannot_be_aligned_are_a_failed_row(built, monkeypatch):
+def test_cameras_that_cannot_be_aligned_are_a_failed_row(built, outcome, monkeypatch):
     def in_one_place(pose):
         return np.vstack([np.hstack([pose[:3, :3], np.zeros((3, 1))]), pose[3:]])
 
     pretend(built, monkeypatch, registered=7, move=in_one_place)
-    record = evaluate(request(built))[-1]
+    record = outcome()
     assert record.status == "failed"
     assert "in one place" in record.reason
     assert (record.registered, record.rotation_error) == (7, None)
-
-
-def test_other_data_are_estimated_anew(built, monkeypatch):
-    calls = pretend(built, monkeypatch, registered=7)
-    run = run_of(built)
-    run.estimate()
-    scene = run.given_scene()
-    estimated_cameras.estimate_cameras(run.cameras, scene, 0, "of other data", rainy=True)
-    assert len(calls) == 2
-    assert read_json(run.cameras / "settings.json")["data_sha256"] == "of other data"
-
-
-def test_a_run_without_its_cameras_says_so(built):
-    with pytest.raises(InputError, match=r"no estimated cameras\n.*evaluate the run again"):
-        run_of(built).training_scene()
 
 
 def test_photographs_of_a_flower_in_rain(tmp_path):

@@ -184,18 +184,19 @@ def test_what_is_removed_while_it_is_looked_for_does_not_count(tmp_path, monkeyp
     assert not gone.exists()
 
 
-@pytest.mark.parametrize("limits", [{"time": 0.0}, {"stall": -1.0}, {"memory": float("nan")}])
-def test_a_limit_is_above_nothing(limits):
-    with pytest.raises(InputError, match=r"-limit .*too little"):
-        Limits(**{"time": 1.0, "stall": 1.0, **limits})
-
-
 @pytest.mark.parametrize(
-    ("name", "otherwise"), [("time", "the default"), ("stall", "the default"), ("memory", "no limit")]
+    ("name", "value", "told"),
+    [
+        ("time", 0.0, "too little"),
+        ("stall", -1.0, "too little"),
+        ("memory", float("nan"), "too little"),
+        ("time", float("inf"), "leave it out for the default"),
+        ("memory", float("inf"), "leave it out for no limit"),
+    ],
 )
-def test_a_limit_is_finite(name, otherwise):
-    with pytest.raises(InputError, match=rf"--{name}-limit inf[\s\S]*leave it out for {otherwise}"):
-        Limits(**{"time": 1.0, "stall": 1.0, name: float("inf")})
+def test_a_limit_is_finite_and_above_nothing(name, value, told):
+    with pytest.raises(InputError, match=rf"--{name}-limit [\s\S]*{told}"):
+        Limits(**{"time": 1.0, "stall": 1.0, name: value})
 
 
 @pytest.mark.parametrize(("deed", "options"), [("holds the lock", []), ("hangs", ["--portable"])])
@@ -227,17 +228,13 @@ def _runs(number: int) -> bool:
         return False
 
 
-@pytest.mark.parametrize(("given", "workers"), [(None, 1), ("", None), ("4", 4)])
-def test_how_many_runs_go_at_a_time(monkeypatch, given, workers):
-    if given is None:
-        monkeypatch.delenv(WORKERS, raising=False)
-    else:
+def test_how_many_runs_go_at_a_time(monkeypatch):
+    monkeypatch.delenv(WORKERS, raising=False)
+    assert known_workers() == 1
+    for given, workers in (("", None), ("4", 4)):
         monkeypatch.setenv(WORKERS, given)
-    assert known_workers() == workers
-
-
-@pytest.mark.parametrize("given", ["0", "-1", "two", "1.5"])
-def test_a_number_of_runs_that_is_none_is_refused(monkeypatch, given):
-    monkeypatch.setenv(WORKERS, given)
-    with pytest.raises(InputError, match=f"{WORKERS}={given}"):
-        known_workers()
+        assert known_workers() == workers, given
+    for given in ("0", "-1", "two", "1.5"):
+        monkeypatch.setenv(WORKERS, given)
+        with pytest.raises(InputError, match=f"{WORKERS}={given}"):
+            known_workers()

@@ -21,53 +21,36 @@ from hydroviews.formats.writers import write_colmap
 from hydroviews.rain.patterns import Pattern
 from hydroviews.scene.depth import depth_path, write_depth
 from hydroviews.scene.masks import mask_name, write_ignored
-from leaderboard.evaluate import EvaluateRequest, evaluate
-from leaderboard.runs.run import Run
+from leaderboard.evaluate import evaluate
 from leaderboard.runs.train_and_render import only_training
 from leaderboard.scoring.score import score
 
 pytestmark = pytest.mark.usefixtures("toys")
 
 
-@pytest.fixture
-def place(evaluated, evaluated_once, tmp_path):
-    """What to evaluate, but for the method: its reference rows are there."""
-    where = {"data": tmp_path / "data", "results": tmp_path / "results"}
-    return {"scene": str(evaluated_once[0] / "yard"), "patterns": ("streak-0",), **where}
-
-
-def run_of(place, method="MeanColour", pattern="streak-0"):
-    return Run(f"toy_methods:{method}", "demo", 0, place["data"] / "demo", "yard", pattern, place["results"])
-
-
 @pytest.mark.parametrize("method", ["Vandal", "VandalAtOnce"])
-def test_a_method_that_writes_over_its_photographs_fails_and_harms_nobody(place, method):
-    data = place["data"] / "demo"
-    before = contents(data)
-    record = evaluate(EvaluateRequest(f"toy_methods:{method}", **place))[-1]
+def test_a_method_that_writes_over_its_photographs_fails_and_harms_nobody(request_of, run, method):
+    before = contents(run.data)
+    record = evaluate(request_of(method))[-1]
     assert (record.status, record.scores) == ("failed", {})
-    assert (
-        record.reason
-        == "wrote into the data that it was lent: "
-        + ", ".join(f"view-{i:02d}.png" for i in range(1, 6))
-        + " and 2 more"
-    )
-    assert contents(data) == before
-    assert not list(run_of(place, method).folder.glob(".partial-*"))
+    assert record.reason.startswith("wrote into the data that it was lent: view-01.png, view-02.png")
+    assert record.reason.endswith(" and 2 more")
+    assert contents(run.data) == before
+    assert not list(run.results.rglob(".partial-*"))
 
 
-def test_a_method_finds_no_ground_truth_and_no_held_out_picture(place, evaluated):
-    before = contents(place["data"] / "demo")
-    record = evaluate(EvaluateRequest("toy_methods:Forger", **place))[-1]
-    assert contents(place["data"] / "demo") == before
+def test_a_method_finds_no_ground_truth_and_no_held_out_picture(request_of, run, evaluated):
+    before = contents(run.data)
+    record = evaluate(request_of("Forger"))[-1]
+    assert contents(run.data) == before
     assert (record.status, record.scores) == ("done", evaluated.scores)
-    assert verify(place["data"] / "demo") == []
-    assert score(run_of(place)) == evaluated
+    assert verify(run.data) == []
+    assert score(run) == evaluated
 
 
 @pytest.mark.parametrize("track", ["given-poses", "sparse-views"])
-def test_what_is_lent_is_the_scene_without_what_is_held_back(place, track):
-    run = dataclasses.replace(run_of(place), track=track)
+def test_what_is_lent_is_the_scene_without_what_is_held_back(run, track):
+    run = dataclasses.replace(run, track=track)
     whole = run.training_scene()
     with run.lent() as (lent, loan):
         scene = lent.training_scene()
@@ -89,24 +72,22 @@ def test_what_is_lent_is_the_scene_without_what_is_held_back(place, track):
     assert not lent.data.exists()
 
 
-def test_a_full_disk_while_lending_is_told_and_leaves_nothing(place, evaluated, monkeypatch):
+def test_a_full_disk_while_lending_is_told_and_leaves_nothing(run, monkeypatch):
     def full(source, target):
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    run = run_of(place)
-    with monkeypatch.context() as disk:
-        disk.setattr("hydroviews.dataset.lending.shutil.copyfile", full)
-        with pytest.raises(InputError, match="no space left on the disk"), run.lent():
-            pass
+    monkeypatch.setattr("hydroviews.dataset.lending.shutil.copyfile", full)
+    with pytest.raises(InputError, match="no space left on the disk"), run.lent():
+        pass
     assert not list(run.folder.glob(".partial*"))
 
 
 @pytest.mark.usefixtures("trained_here")
-def test_what_a_killed_run_was_lent_goes_with_the_next(place):
-    left = run_of(place).folder / ".partial-host-0123456789ab-data"
+def test_what_a_killed_run_was_lent_goes_with_the_next(request_of, run):
+    left = run.folder / ".partial-host-0123456789ab-data"
     (left / "yard").mkdir(parents=True)
-    (run_of(place).folder / "record.json").unlink()
-    assert evaluate(EvaluateRequest("toy_methods:MeanColour", **place))[-1].status == "done"
+    (run.folder / "record.json").unlink()
+    assert evaluate(request_of())[-1].status == "done"
     assert not left.exists()
 
 
@@ -131,21 +112,21 @@ def test_depth_and_masks_are_lent_of_training_views_alone(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["clean/view-00.png", "clean/view-03.png", "streak-0/images/view-01.png"])
-def test_a_picture_that_changed_is_not_trained_on_and_not_scored(place, name):
-    picture = place["data"] / "demo" / "yard" / name
+def test_a_picture_that_changed_is_not_trained_on_and_not_scored(request_of, run, name):
+    picture = run.data / "yard" / name
     paint(picture)
     with pytest.raises(InputError, match=rf"{name}: changed or missing[\s\S]*--repair"):
-        evaluate(EvaluateRequest("toy_methods:MeanColour", **place))
+        evaluate(request_of("MeanColour"))
     if name == "clean/view-00.png":
         with pytest.raises(InputError, match=r"view-00\.png: changed since it was built"):
-            score(run_of(place))
+            score(run)
     elif name.startswith("streak"):
-        with pytest.raises(InputError, match=r"view-01\.png: changed since it was built"), run_of(place).lent():
+        with pytest.raises(InputError, match=r"view-01\.png: changed since it was built"), run.lent():
             pass
 
 
-def test_the_record_names_the_data_that_were_used(place, evaluated):
-    assert evaluated.data_sha256 == data_hash(place["data"] / "demo", "yard", "streak-0")
-    write_json(place["data"] / "demo" / "yard" / "streak-0" / "pattern.json", {"drawing_code": "another"})
+def test_the_record_names_the_data_that_were_used(run, evaluated):
+    assert evaluated.data_sha256 == data_hash(run.data, "yard", "streak-0")
+    write_json(run.data / "yard" / "streak-0" / "pattern.json", {"drawing_code": "another"})
     with pytest.raises(InputError, match=r"pattern\.json: changed since it was built"):
-        score(run_of(place))
+        score(run)

@@ -6,7 +6,8 @@ import pandas as pd
 import pytest
 
 from hydroviews.errors import InputError
-from leaderboard.evaluate import EvaluateRequest, evaluate
+from leaderboard.evaluate import evaluate
+from leaderboard.records import LONGEST
 
 pytestmark = pytest.mark.usefixtures("toys", "evaluated")
 HOUR = 3600
@@ -14,13 +15,11 @@ LEFTOVERS = 8  # of `LeavesInTheWay`; the last takes the run's folder itself awa
 
 
 @pytest.fixture
-def row_of(evaluated_once, tmp_path):
+def row_of(request_of, tmp_path):
     """Evaluates a toy method; its row. The rows of the others are as they were."""
 
     def row(method: str, **limits) -> pd.Series:
-        where = {"data": tmp_path / "data", "results": tmp_path / "results"}
-        scene = str(evaluated_once[0] / "yard")
-        evaluate(EvaluateRequest(f"toy_methods:{method}", scene, patterns=("streak-0",), **where, **limits))
+        evaluate(request_of(method, **limits))
         table = pd.read_csv(tmp_path / "results" / "leaderboard.csv").set_index("method")
         assert list(table.status.drop(f"toy_methods:{method}")) == ["done", "done"]
         return table.loc[f"toy_methods:{method}"]
@@ -36,6 +35,7 @@ def row_of(evaluated_once, tmp_path):
         ("RendersTooSmall", "view-00: rendered float32 (35, 48, 3), expected float32 (36, 48, 3)"),
         ("RendersNan", "view-00: rendered NaN in 1,728 of 1,728 pixels"),
         ("NothingLeft", "training has left no Gaussians"),
+        ("Rambles", r"ValueError: \ud800\x1b[31mxxx"),  # as long as a book, with what is no character
     ],
 )
 @pytest.mark.usefixtures("trained_here")
@@ -43,18 +43,15 @@ def test_it_fails_alone(row_of, method, reason):
     row = row_of(method)
     assert row.status == "failed"
     assert reason in row.reason
+    assert len(row.reason) <= LONGEST
     assert row[["psnr", "train_s", "device"]].isna().all()
 
 
 @pytest.mark.parametrize("seed", range(LEFTOVERS))
 @pytest.mark.usefixtures("trained_here")
-def test_it_fails_alone_where_it_leaves_something_in_the_way_of_its_run(evaluated_once, tmp_path, seed):
-    where = {"data": tmp_path / "data", "results": tmp_path / "results"}
-    request = EvaluateRequest(
-        "toy_methods:LeavesInTheWay", str(evaluated_once[0] / "yard"), seed=seed, patterns=("streak-0",), **where
-    )
+def test_it_fails_alone_where_it_leaves_something_in_the_way_of_its_run(request_of, tmp_path, seed):
     for _ in range(2):  # and so it does the next time
-        record = evaluate(request)[-1]
+        record = evaluate(request_of("LeavesInTheWay", seed=seed))[-1]
         assert record.status == "failed"
         assert "left something of its own where its run writes" in record.reason or seed == LEFTOVERS - 1
     table = pd.read_csv(tmp_path / "results" / "leaderboard.csv")

@@ -14,7 +14,6 @@ import pytest
 from processes import PATIENCE, wait_until
 
 from hydroviews.errors import InputError
-from leaderboard.__main__ import sweep_command
 from leaderboard.evaluate import carry_out
 from leaderboard.runs.supervision import Limits
 from leaderboard.sweep import local, matrix
@@ -69,15 +68,6 @@ def test_a_failed_run_costs_its_row_only_and_what_is_done_is_skipped(request_of,
     sweep(request)
     assert "2 runs, 1 of them done" in caplog.text
     assert record.stat().st_mtime_ns == before
-
-
-def test_the_command_says_where_the_tables_are(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("leaderboard.__main__.sweep", lambda request: {})
-    sweep_command(SweepRequest(results=tmp_path))
-    assert capsys.readouterr().out == ""  # a script for Slurm was written, and nothing has run
-    (tmp_path / "tables.md").touch()
-    sweep_command(SweepRequest(results=tmp_path))
-    assert f"tables: {tmp_path / 'tables.md'}" in capsys.readouterr().out
 
 
 def test_runs_of_a_matrix(request_of, tmp_path, evaluated_once):
@@ -196,28 +186,23 @@ def test_an_interruption_ends_all_processes_and_the_same_command_goes_on(request
 
 
 def test_a_slurm_script_whose_tasks_are_the_runs(request_of, tmp_path):
-    script = tmp_path / "array.sh"
-    request = request_of(["MeanColour"], slurm=script, seeds=(0, 1), time_limit=1.5, memory_limit=2.0, threads=2)
+    """Also where names have what Slurm and shells take for something else."""
+    script, results = tmp_path / "array.sh", tmp_path / "20 % #1"
+    limits = {"time_limit": 1.5, "memory_limit": 2.0, "threads": 2}
+    request = request_of(["MeanColour"], slurm=script, results=results, seeds=(0, 1), **limits)
     assert sweep(request) == {}
     text = script.read_text()
     for line in ("--array=0-1", "--cpus-per-task=2", "--mem=3000M", "--time=120"):  # above the run's own limits
         assert f"#SBATCH {line}\n" in text
+    output = next(line for line in text.splitlines() if "--output" in line).removeprefix("#SBATCH ")
+    assert shlex.split(output, comments=True) == [f"--output={tmp_path}/20 %% #1/logs/slurm-%A-%a.log"]
     _, environment = command(request, "0")
     task = {**environment, "SLURM_ARRAY_TASK_ID": "1"}
     subprocess.run(["bash", str(script)], env=task, check=True, capture_output=True)
-    runs = sorted(path.parent.name for path in (tmp_path / "swept").rglob("record.json"))
+    runs = sorted(path.parent.name for path in results.rglob("record.json"))
     assert runs == ["seed-1"]
     sweep(request)  # the next script has what is missing
     assert "#SBATCH --array=0-0\n" in script.read_text()
-
-
-def test_a_slurm_script_of_a_folder_with_an_odd_name(request_of, tmp_path):
-    script, results = tmp_path / "array.sh", tmp_path / "20 % #1"
-    sweep(request_of(["MeanColour"], slurm=script, results=results))
-    output = next(line for line in script.read_text().splitlines() if "--output" in line)
-    assert shlex.split(output.removeprefix("#SBATCH "), comments=True) == [
-        f"--output={tmp_path}/20 %% #1/logs/slurm-%A-%a.log"
-    ]
 
 
 def test_ray_is_not_installed_or_nothing_answers(request_of, monkeypatch):
@@ -267,34 +252,3 @@ def test_a_task_that_ray_loses_costs_its_row_only(request_of, tmp_path, monkeypa
     assert list(pd.read_csv(tmp_path / "swept/leaderboard.csv").status) == ["done"]
     assert (ray.options["num_cpus"], ray.options["memory"]) == (2, 2_000_000_000)
     assert not ray.connected
-
-
-@pytest.mark.usefixtures("trained_here")
-def test_a_log_is_named_where_there_is_one(request_of, monkeypatch):
-    monkeypatch.setitem(sys.modules, "ray", OneAfterTheOther(lost=""))
-    request = request_of(["Raises"], ray="auto")
-    [(run, reason)] = sweep(request).items()
-    assert reason == "ArithmeticError: diverged at step 7"
-    local.log_path(run).parent.mkdir()
-    local.log_path(run).write_text("step 6")
-    assert list(sweep(request).values()) == [f"{reason} (what it printed: {local.log_path(run)})"]
-
-
-def test_a_ray_cluster_of_two_nodes(request_of, tmp_path, monkeypatch):
-    pytest.importorskip("ray", reason="Ray is not installed")
-    from ray.cluster_utils import Cluster
-
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(REPOSITORY), *filter(None, sys.path)]))  # of the nodes
-    cluster = Cluster()
-    try:
-        for _ in range(2):
-            cluster.add_node(num_cpus=1, object_store_memory=80_000_000, include_dashboard=False)
-        failures = sweep(request_of(["MeanColour", "Raises"], ray=cluster.address, memory_limit=2.0, seeds=(0, 1)))
-    finally:
-        cluster.shutdown()
-    assert {run.method: reason.partition(" (")[0] for run, reason in failures.items()} == {
-        "toy_methods:Raises": "ArithmeticError: diverged at step 7"
-    }
-    table = pd.read_csv(tmp_path / "swept/leaderboard.csv")
-    assert sorted(table.status) == ["done", "done", "failed", "failed"]
-    assert table.workers.isna().all()

@@ -5,7 +5,6 @@ import pandas as pd
 import pytest
 from made_up_board import write_board as make_runs
 
-from leaderboard.__main__ import compare_command
 from leaderboard.gather import collect, collect_views, write_leaderboard
 from leaderboard.publishing.board_pages import comparisons_text
 from leaderboard.site.write import write_site
@@ -66,15 +65,6 @@ def test_the_markdown_has_scores_and_costs_of_every_method_and_says_of_which_run
     assert TOLD in scene_text(collect(results), "pond", "demo", "given-poses")
 
 
-def test_the_latex_has_scenes_grades_and_costs_of_every_method_once_more(results):
-    captions = (results / "tables.tex").read_text().split(r"\caption{")[1:]
-    shared, run = [text for text in captions if f"{SHARED}." in text], own_run(results, "few")
-    assert len(shared) == 3
-    assert len(captions) == 6
-    for text in shared:
-        assert f"{run.psnr:.2f}" in text
-
-
 def test_comparisons_rank_all_methods_among_themselves(results):
     table = collect(results)
     text = comparisons_text(table, collect_views(table, results))
@@ -84,30 +74,6 @@ def test_comparisons_rank_all_methods_among_themselves(results):
     assert second.count(" 1/1 |") == 3
     assert "Means over the 1 runs that all of them have, on 1 scene, 2 views." in second
     assert text.count(SHARED) == 4  # metrics
-
-
-def test_the_pages_rank_every_method_on_what_it_has_and_draw_what_all_share(results):
-    index = (results / "site" / "index.html").read_text()
-    scene = next((results / "site" / "scenes").iterdir()).read_text()
-    run = own_run(results, "few")
-    for page in (index, scene):
-        tables = [part.split("</table>")[0] for part in page.split('<table class="sortable ranking">')[1:]]
-        assert ["few" in table for table in tables] == [True, False, False]  # it ran in medium rain alone
-        [row] = [row for row in tables[0].split("<tr") if ">few<" in row]
-        assert f"{run.psnr:.2f}" in row
-        assert "pond; 1 run" in row
-    for cost in ("train s", "memory MB", "model MB", "primitives"):
-        assert "few PSNR" in index.split(f'aria-label="PSNR against {cost}: ')[1].split('"')[0]
-
-
-def test_the_command_compares_all_methods_a_second_time(results, capsys):
-    compare_command(results=results)
-    first, second = capsys.readouterr().out.split(SHARED)
-    assert "Not compared, since fewer than half of the runs are shared: few." in first
-    assert f"({SHARED_RUNS})" in second
-    assert "few" in second.split("better")[0]
-    compare_command(("3dgs", "few"), results=results)
-    assert SHARED not in capsys.readouterr().out
 
 
 def test_where_all_are_compared_or_nothing_more_is_shared_there_is_one_block(results):

@@ -67,25 +67,12 @@ def test_means_weigh_scenes_patterns_seeds_and_views_alike():
     assert estimate([first, second]).mean[0] == pytest.approx((9.5 + 100) / 2)
 
 
-def test_draws_keep_every_pattern():
-    scene = SceneScores(np.repeat([0.0, 10.0], 3).reshape(2, 3, 1), np.array([0, 1]))
-    assert np.allclose(scene.draw(50, np.random.default_rng(0)), 5)
-
-
 def test_the_interval_over_scenes_is_students():
     rng = np.random.default_rng(3)
     values = rng.normal(20, 3, 6)
     found = estimate([SceneScores(np.full((2, 3, 1), value), np.array([0, 1])) for value in values], draws=200_000)
     low, high = stats.t.interval(0.95, 5, values.mean(), stats.sem(values))
     assert (found.low[0], found.high[0]) == pytest.approx((low, high), rel=2e-3)
-
-
-def test_same_seed_same_interval_and_one_view_has_none():
-    scenes = boards(1, 5, 2, 2, (0.0, 0.3, 0.2, 0.2), np.random.default_rng(1))
-    assert np.array_equal(estimate(scenes, seed=4).low, estimate(scenes, seed=4).low)
-    one = estimate([SceneScores(np.ones((2, 1, 1)), np.array([0, 1]))])
-    assert one.mean[0] == 1
-    assert math.isnan(one.low[0])
 
 
 def test_equal_methods_have_p_1():

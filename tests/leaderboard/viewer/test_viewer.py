@@ -5,7 +5,6 @@ import socket
 import sys
 from contextlib import contextmanager
 from pathlib import Path
-from types import SimpleNamespace
 from urllib.request import urlopen
 
 import numpy as np
@@ -115,12 +114,6 @@ class TestStage:
         assert window_fov(camera, 2.0) == pytest.approx(vertical_fov(camera))
         assert np.tan(window_fov(camera, 0.5) / 2) * 0.5 == pytest.approx(camera.width / camera.fx / 2)
 
-    def test_cameras_alone_make_a_stage(self, run):
-        cameras = [shot.view.camera for shot in list_shots(run)]
-        away = normalise_scene(cameras, None).place([camera.centre for camera in cameras])
-        assert np.median(np.linalg.norm(away, axis=1)) == pytest.approx(SIZE)
-        assert frustum_length(cameras[:1], normalise_scene(cameras[:1], None)) == 1
-
 
 class TestServer:
     def test_the_scene_has_gaussians_and_every_camera(self, viser, run):
@@ -145,44 +138,6 @@ class TestServer:
             assert f"{compare(load_method(run), list_shots(run)[-1]).score:.2f} dB" in viewer.figures.content
             clicks[f"/{TRAINING}/view-03"](None)
             assert "was trained on this photograph" in viewer.figures.content
-
-    def test_the_chosen_camera_does_not_stand_in_its_own_way(self, viser, run):
-        with viewing(run) as viewer:
-            viewer.chooser.value = "view-04"
-            assert not viewer.frustums["view-04"].visible
-            assert viewer.frustums["view-00 (held out)"].visible
-
-    def test_windows_fly_to_the_chosen_camera(self, viser, run, monkeypatch):
-        camera = SimpleNamespace(wxyz=np.array([1.0, 0, 0, 0]), position=np.zeros(3), fov=1.0, aspect=0.5, look_at=None)
-        window = SimpleNamespace(camera=camera, atomic=viser.ViserServer.atomic, flush=lambda: None)
-        with viewing(run) as viewer:
-            window.atomic = viewer.server.atomic
-            monkeypatch.setattr(viewer.server, "get_clients", lambda: {0: window})
-            viewer.chooser.value = "view-04"
-            target = list_shots(run)[3].view
-            assert target.name == "view-04"
-            wxyz, position = pose(target.camera, viewer.normalisation)
-            assert np.allclose(camera.position, position)
-            assert abs(camera.wxyz @ wxyz) == pytest.approx(1)
-            assert camera.fov == pytest.approx(window_fov(target.camera, 0.5))
-            assert np.allclose(camera.look_at - position, SIZE * target.camera.rotation[2])
-
-    def test_photographs_and_cameras_can_be_switched_off(self, viser, run, monkeypatch):
-        boxes = {}
-
-        def remember(self, label, initial_value, add=viser.GuiApi.add_checkbox):
-            boxes[label] = add(self, label, initial_value)
-            return boxes[label]
-
-        monkeypatch.setattr(viser.GuiApi, "add_checkbox", remember)
-        with viewing(run) as viewer:
-            boxes["photographs"].value = False
-            assert all(handle.image is None for handle in viewer.frustums.values())
-            boxes["photographs"].value = True
-            assert all(handle.image is not None for handle in viewer.frustums.values())
-            for label, name in {"Gaussians": "/splats", "training cameras": f"/{TRAINING}"}.items():
-                boxes[label].value = False
-                assert not viewer.server.scene.get_handle_by_name(name).visible
 
     def test_a_method_without_gaussians_still_shows_cameras_and_renders(self, viser, tmp_path):
         grey = finished_run(tmp_path, "Grey")
@@ -272,12 +227,6 @@ class TestRuns:
             open_run(run.folder.with_name("seed-7"), run.data.parent)
         assert str(run.folder) in str(refusal.value)
 
-    def test_an_unfinished_run_is_refused(self, tmp_path):
-        folder = tmp_path / "results/demo/3dgs/yard/streak-0/seed-0"
-        write_json(folder / "config.json", {})
-        with pytest.raises(InputError, match="training has not finished"):
-            open_run(folder, tmp_path)
-
     @pytest.mark.parametrize("name", ["seed-0", "seed-5", "my favourite"])
     def test_a_run_is_what_its_settings_say_wherever_it_lies(self, run, tmp_path, name):
         moved = tmp_path / name
@@ -290,13 +239,15 @@ class TestRuns:
 
     @pytest.mark.parametrize("settings", [[], {}, {"method": "3dgs"}, {"seed": "0"}])
     def test_settings_that_are_none_are_refused(self, run, tmp_path, settings):
-        moved = tmp_path / "moved"
-        shutil.copytree(run.folder, moved)
-        write_json(moved / "config.json", settings)
+        write_json(Path(shutil.copytree(run.folder, tmp_path / "moved")) / "config.json", settings)
         with pytest.raises(InputError, match=r"config\.json: not the settings of a run"):
-            open_run(moved, run.data.parent)
+            open_run(tmp_path / "moved", run.data.parent)
 
-    def test_other_data_are_refused(self, run, tmp_path):
+    def test_unfinished_runs_and_other_data_are_refused(self, run, tmp_path):
+        folder = tmp_path / "results/demo/3dgs/yard/streak-0/seed-0"
+        write_json(folder / "config.json", {})
+        with pytest.raises(InputError, match="training has not finished"):
+            open_run(folder, tmp_path)
         with pytest.raises(InputError, match="no finished scene yard"):
             open_run(run.folder, tmp_path)
 

@@ -6,10 +6,9 @@ import torch
 from splats import BACKGROUND, camera, cloud, photographed, with_values
 
 from baselines.splatting.appearance.base import Appearance
-from baselines.splatting.appearance.gaussians import AppearanceGaussians, gaussians_in_view, in_sight, with_appearance
+from baselines.splatting.appearance.gaussians import AppearanceGaussians, in_sight, with_appearance
 from baselines.splatting.backends import torch_rasterizer as reference
 from baselines.splatting.backends.base import CpuBackend
-from baselines.splatting.config import TrainerConfig
 from baselines.splatting.gaussians import FIELDS, join
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import photometric_loss
@@ -18,8 +17,6 @@ from baselines.splatting.rasterizer import render
 from baselines.splatting.schedule import LearningRates, rates_at
 from baselines.splatting.state import fresh_state
 from baselines.splatting.strategies.base import StepOptions
-from baselines.splatting.strategies.densification import DefaultStrategy
-from baselines.splatting.trainer import train
 from baselines.training.images import read_images
 from baselines.training.torch_state import module_arrays, restore_module
 
@@ -135,31 +132,6 @@ def test_a_view_of_nothing_teaches_nothing(tmp_path, cuda_backend, kind):
     assert all(np.array_equal(value, after.gaussians.state_dict()[name]) for name, value in before.items())
 
 
-def test_a_colour_cast_a_view_is_learnt_away_and_back_from_a_checkpoint(tmp_path):
-    scene = photographed(tmp_path, n_views=8)
-    images = read_images(scene.train_views)
-    config = TrainerConfig(
-        iterations=60,
-        sh_degree=1,
-        strategy=DefaultStrategy(start=10, stop=50, every=10, grow_grad2d=1e-6, budget=300),
-    )
-
-    def run(folder, iterations, fresh=True):
-        objective = Both(images, appearance=Tint(len(images)))
-        trained = train(scene, replace(config, iterations=iterations), 0, folder, objective)
-        return trained, objective
-
-    (whole, objective), (again, same) = run(tmp_path / "a", 60), run(tmp_path / "b", 60)
-    assert len(whole.gaussians) > len(scene.points)
-    assert whole.gaussians.features.shape == (len(whole.gaussians), 2)
-    assert all(np.array_equal(v, again.gaussians.state_dict()[k]) for k, v in whole.gaussians.state_dict().items())
-    assert all(np.array_equal(v, same.state_dict()[k]) for k, v in objective.state_dict().items())
-    taken_up, restored = run(tmp_path / "a", 60)  # from the checkpoint of the end
-    assert all(np.array_equal(v, restored.state_dict()[k]) for k, v in objective.state_dict().items())
-    assert np.array_equal(taken_up.gaussians.features, whole.gaussians.features)
-    assert objective.appearance.gains.abs().max() > 0.01
-
-
 def test_non_finite_gaussians_leave_the_network_whole(tmp_path):
     gaussians = with_values(with_features(20), "features", 3, np.nan)
     appearance = Tint(1)
@@ -167,11 +139,6 @@ def test_non_finite_gaussians_leave_the_network_whole(tmp_path):
     assert len(visible.rows) == 19
     visible.backward(visible.gaussians.map(np.ones_like), np.ones_like(visible.sh), BufferPool())
     assert all(torch.isfinite(parameter.grad).all() for parameter in appearance.parameters())
-
-
-def test_without_an_appearance_gaussians_are_shown_as_they_are():
-    gaussians = with_features(5)
-    assert gaussians_in_view(gaussians, None, camera(8, 8), 0, 1) is gaussians
 
 
 def test_the_gpu_takes_the_same_steps(tmp_path, cuda_backend):

@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch import nn
 
-from baselines.splatting.appearance.networks import layers, linear_of_parts
+from baselines.splatting.appearance.networks import linear_of_parts
 
 
 def test_parts_are_those_side_by_side_with_their_gradients():
@@ -28,9 +28,3 @@ def test_a_number_stands_for_a_part_of_zeros():
 def test_widths_that_do_not_add_up_are_refused():
     with pytest.raises(ValueError, match="6 numbers for a layer of 7"):
         linear_of_parts(nn.Linear(7, 3), torch.randn(5, 2), torch.randn(5, 4))
-
-
-def test_layers_have_rectifiers_between_them_and_no_offset_at_first():
-    network = layers(3, (5, 4), 2)
-    assert [type(part) for part in network] == [nn.Linear, nn.ReLU, nn.Linear, nn.ReLU, nn.Linear]
-    assert torch.equal(network(torch.zeros(1, 3)), torch.zeros(1, 2))

@@ -37,17 +37,6 @@ def test_seen_from_one_camera_it_is_the_same_picture(origin):
     assert np.isfinite(found.opacity_logits).all()
 
 
-def test_large_gaussians_and_those_that_nobody_sees_stay_as_they_were():
-    large = cloud(50, size=2.0)
-    np.testing.assert_allclose(
-        without_filter(large, [camera(640, 480)], NEAR).opacity_logits, large.opacity_logits, atol=0.05
-    )
-    away = replace(cloud(50, size=0.01), origin=np.array([0, 0, 1e4]))
-    np.testing.assert_allclose(
-        without_filter(away, [camera(64, 48)], NEAR).opacity_logits, away.opacity_logits, rtol=1e-6
-    )
-
-
 def test_what_a_training_leaves_for_viewers_is_what_it_renders(tmp_path):
     scene = photographed(tmp_path, n_views=6)
     demo = PROFILES["demo"]

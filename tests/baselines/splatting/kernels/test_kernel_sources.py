@@ -6,7 +6,6 @@ import pkgutil
 import shutil
 import subprocess
 import sys
-from contextlib import contextmanager
 from pathlib import Path
 
 from numba.core.dispatcher import Dispatcher
@@ -81,22 +80,6 @@ def test_sources_that_were_copied_with_what_was_compiled_are_compiled_apart(tmp_
         (tmp_path / folder / "kernel.py").write_text("")
         compile_apart("all", f"open({str(tmp_path / folder / 'ran')!r}, 'w')", [tmp_path / folder / "kernel.py"])
     assert (tmp_path / "copy" / "ran").exists()
-
-
-def test_what_another_process_has_compiled_meanwhile_is_not_compiled_again(tmp_path, monkeypatch):
-    source = tmp_path / "kernel.py"
-    source.write_text("")
-
-    @contextmanager
-    def done_by_another(mark, waiting):
-        """What the lock is like where another process held it."""
-        mark.touch()
-        yield
-
-    monkeypatch.setattr(warm_up, "FOLDER", str(tmp_path))
-    monkeypatch.setattr(warm_up, "locked", done_by_another)
-    compile_apart("all", f"open({str(tmp_path / 'ran')!r}, 'w')", [source])
-    assert not (tmp_path / "ran").exists()
 
 
 def test_machine_code_is_not_shared_by_instructions_or_processors():

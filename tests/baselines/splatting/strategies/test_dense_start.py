@@ -8,7 +8,6 @@ from scipy.spatial import cKDTree
 from splats import camera, photographed
 from trainings import CONFIG, assert_identical, crashed_and_resumed
 
-from baselines.gaussian_splatting import BudgetedSplatting, GaussianSplatting
 from baselines.splatting.schedule import Stream, random_stream
 from baselines.splatting.strategies.initialisation import BETWEEN, MIDDLE, filled_up, initialise
 from baselines.splatting.trainer import train
@@ -59,11 +58,6 @@ def test_a_start_is_filled_up_from_the_seed():
     assert one.log_scales[:150].mean() < plain.log_scales.mean()
 
 
-def test_enough_points_stay_as_they_are():
-    enough, plain = (initialise(cloud_of(150), CAMERAS, 1, 0, fewest).state_dict() for fewest in (150, 0))
-    assert all(np.array_equal(enough[name], value) for name, value in plain.items())
-
-
 def in_octants(positions):
     """How many of the points are in each eighth of the cube."""
     return np.bincount((positions > 0) @ [1, 2, 4], minlength=8)
@@ -95,17 +89,6 @@ def test_random_points_keep_to_the_budget_too():
     assert len(initialise(cloud_of(90), CAMERAS, 1, 0, budget=1_000)) == 600
 
 
-def test_a_training_of_a_large_cloud_keeps_to_its_budget(tmp_path):
-    scene = photographed(tmp_path, 3, 16, 12)
-    config = replace(CONFIG, iterations=2, strategy=replace(CONFIG.strategy, budget=200))
-    trained = train(replace(scene, points=cloud_of(2_000)), config, 0, tmp_path / "run")
-    assert 0 < len(trained.gaussians) <= 200
-
-
-def test_random_points_are_not_filled_up():
-    assert len(initialise(cloud_of(90), CAMERAS, 1, 0, 20_000)) == 90 + 10_000
-
-
 def test_a_training_starts_with_a_share_of_its_budget_and_resumes_exactly(tmp_path):
     scene = photographed(tmp_path, 8, 50, 38)
     scene = replace(scene, points=cloud_of(120))
@@ -114,9 +97,3 @@ def test_a_training_starts_with_a_share_of_its_budget_and_resumes_exactly(tmp_pa
     assert len(unfinished.gaussians) == 150
     whole = train(scene, config, 0, tmp_path / "whole")
     assert_identical(whole, crashed_and_resumed(scene, config, 90, tmp_path / "cut"))
-
-
-def test_the_shortest_trainings_start_with_half_their_budget():
-    shares = {profile: GaussianSplatting.configuration(profile).dense_start for profile in ("demo", "quick", "paper")}
-    assert shares == {"demo": 0.5, "quick": 0.0, "paper": 0.0}
-    assert BudgetedSplatting.configuration("demo").dense_start == 0.5

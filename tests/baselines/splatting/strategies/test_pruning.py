@@ -7,14 +7,11 @@ import pytest
 from splats import camera, cloud, with_values
 from trainings import BUDGETED, CONFIG, assert_identical
 
-from baselines.splatting.backends.base import CpuBackend
 from baselines.splatting.config import Pruning
-from baselines.splatting.objective import Objective
 from baselines.splatting.rasterizer import render
 from baselines.splatting.state import fresh_state
 from baselines.splatting.strategies.pruning import contributions, prune
 from baselines.splatting.trainer import train
-from baselines.training.images import TrainingImages
 
 CAMERAS = [camera(60, 40, angle) for angle in (0.0, 2.0, 4.0)]
 
@@ -36,13 +33,6 @@ def test_a_weight_is_what_the_image_changes_by_with_the_colour():
         brighter = with_values(gaussians, "sh", index, gaussians.sh[index] + 1)
         change = render(brighter, CAMERAS[0])[0].astype(np.float64).sum() - before
         assert weights[index] == pytest.approx(change / (3 * 0.28209479), rel=1e-3)
-
-
-def test_the_backend_says_the_same():
-    grey = Objective(TrainingImages([np.full((40, 60, 3), 128, np.uint8)]))
-    backend = CpuBackend(grey, np.zeros(3, np.float32), 0.01)
-    backend.put(fresh_state(cloud(50, 1)))
-    assert np.array_equal(backend.contributions(CAMERAS), contributions(cloud(50, 1), CAMERAS, 0.01))
 
 
 @pytest.mark.parametrize(
@@ -73,10 +63,6 @@ def test_a_budget_is_reached_in_equal_parts():
         state = prune(state, weights, pruning, pruning.left(iteration, 100))
         counts.append(len(state.gaussians))
     assert counts == [9, 6, 3]
-
-
-def test_moments_are_shares_of_the_iterations():
-    assert [i for i in range(200) if Pruning(at=(0.5, 0.995)).due(i, 200)] == [99, 198]
 
 
 @pytest.mark.parametrize("config", [CONFIG, BUDGETED], ids=["densification", "relocation"])
