@@ -9,6 +9,7 @@ import inspect
 import json
 import sys
 from collections.abc import Callable
+from datetime import date
 from pathlib import Path
 from typing import Annotated
 
@@ -200,7 +201,7 @@ def publish_command(
         submitted: those that somebody submitted as well.
         overwrite: replace runs that are on the board and are others.
     """
-    outcome = publish(results, board, submitted, overwrite)
+    outcome = publish(results, board, submitted, overwrite, date.today())
     for name, reason in outcome.left_out.items():
         print(f"{name}: left out: {reason}")
     print(
@@ -208,15 +209,18 @@ def publish_command(
     )
 
 
-def board_command(board: Path = BOARD, out: Path = Path("build/board"), pages: tuple[Path, ...] = ()) -> None:
+def board_command(
+    board: Path = BOARD, out: Path = Path("build/board"), pages: tuple[Path, ...] = (), docs: str = ""
+) -> None:
     """Write tables, comparisons and pages of published runs, and fill the tables of documents from them.
 
     Args:
         board: the published runs.
         out: takes what is written.
         pages: Markdown files with tables between comments, as README.md has them.
+        docs: address of the documentation, absolute or as seen from `site/index.html`. Default: no links to it.
     """
-    print(f"open {write_board(board, out, pages)}")
+    print(f"open {write_board(board, out, pages, docs)}")
 
 
 def score_command(

@@ -17,8 +17,9 @@ from baselines.method import citation_of
 from baselines.training.learning_curve import LEARNING_CURVE
 from hydroviews.files.atomic import read_json, write_json
 from hydroviews.metrics import find_metrics
-from leaderboard.gather import collect
+from leaderboard.gather import PUBLICATION, collect
 from leaderboard.records import run_folder
+from leaderboard.site.contents import method_page
 from leaderboard.site.runs import page_name
 from leaderboard.site.write import PLOTTED, write_site
 from leaderboard.tables.dataframes import cost_means
@@ -90,10 +91,10 @@ def copied(written, tmp_path):
     return Path(shutil.copytree(written, tmp_path / "results"))
 
 
-def test_there_is_a_page_a_scene_and_a_run(written, pages):
+def test_there_is_a_page_per_method_scene_and_run(written, pages):
     table = collect(written)
     assert len(table) == 3 * 2 * 2 + 2 + 1
-    assert len(pages) == 1 + 2 + len(table)
+    assert len(pages) == 1 + 6 + 2 + len(table)
     assert {len(page.all("h1")) for page in pages.values()} == {1}
 
 
@@ -120,7 +121,7 @@ def test_links_and_pictures_resolve_and_nothing_is_outside(written, pages):
 
 def test_runs_without_renders_have_pages_that_say_so(shipped):
     found = {path: Page(path) for path in sorted((shipped / "site").rglob("*.html"))}
-    assert len(found) == 1 + 2 + 15
+    assert len(found) == 1 + 6 + 2 + 15
     for path, page in found.items():
         assert page.all("img") == []
         assert not [a for a in page.all("form") if "viewer" in a["class"]]
@@ -241,19 +242,56 @@ def test_there_is_a_table_per_rain_and_grade_with_every_method_that_has_runs(wri
                 assert cells["Scenes"][0] == "1 scene"
 
 
-def test_the_index_names_the_papers_of_its_methods(written, pages):
-    _, *rows = tables_by_name(pages[written / "site" / "index.html"])["Names and papers"]
-    assert [row[0][0] for row in rows] == ["3dgs", "3dgs-clean", "deraings", "nerf-w"]
-    assert [text for text, _ in rows[0]] == [
-        "3dgs",
-        "3D Gaussian Splatting",
-        "3D Gaussian Splatting for Real-Time Radiance Field Rendering",
-        "2023",
-        "graphdeco-inria/gaussian-splatting",
-        "Gaussian-Splatting License (research and evaluation only)",
-    ]
-    addresses = {a["href"] for a in pages[written / "site" / "index.html"].all("a")}
-    assert papers_and_code("3dgs", "deraings", "nerf-w") <= addresses
+def page_of(pages: dict[Path, Page], method: str) -> Page:
+    return next(page for path, page in pages.items() if path.name == method_page(method))
+
+
+def test_a_method_has_its_paper_authors_code_and_licence_on_a_page_that_the_ranking_leads_to(written, pages):
+    index, page = pages[written / "site" / "index.html"], page_of(pages, "3dgs")
+    address = f"methods/{method_page('3dgs')}"
+    assert [a["href"] for a in index.all("a")].count(address) == 2 * 2 + 1  # rankings, and the list of methods
+    cited, text = citation_of("3dgs"), "".join(page.text)
+    assert all(words in text for words in (cited.title, cited.paper, cited.authors, str(cited.year), cited.licence))
+    assert papers_and_code("3dgs") <= {a["href"] for a in page.all("a")}
+    assert "hydroviews eval 3dgs\n" in text
+    assert "With +enhance" not in text
+    theirs = "".join(page_of(pages, THEIRS).text)
+    assert "Submitted by <b>Ada</b>" in theirs
+    assert "hydroviews eval" not in theirs
+
+
+@pytest.mark.parametrize("method", ["3dgs-clean", "deraings"])
+def test_the_page_of_a_method_has_its_scores_by_rain_and_unfolds_them_by_scene(written, pages, method):
+    table, page, metrics = collect(written), page_of(pages, method), find_metrics()
+    tables = tables_by_name(page)
+    assert len(page.all("details")) == 2 * len(SCENE_OF)
+    for suite, scene in SCENE_OF.items():
+        for found in rankings(runs_of_suite(table, suite)):
+            one, title = next(one for one in found.methods if one.method == method), found.title.capitalize()
+            head, *rows = tables[f"Scores, {suite} scenes, demo, given-poses"]
+            [row] = [row for row in rows if row[0][0] == title]
+            scene_head, scene_row = tables[f"{title} by scene, {suite} scenes, demo, given-poses"]
+            assert scene_row[0][0] == scene
+            assert scene_row[[text for text, _ in scene_head].index("Seeds")][0] == "0"
+            for names, own in ((head, row), (scene_head, scene_row)):
+                cells = dict(zip([text for text, _ in names], own, strict=True))
+                assert all(shows(cells[metric.title], one.scores[metric.name], metric.text) for metric in metrics)
+                assert shows(cells["Gain over 3dgs"], one.gain, lambda gain: f"{gain:+.2f}")
+    paper = [found for found in page.tables if found[0][-1][0] == "PSNR (paper)"]
+    assert [found[1][-1][0] for found in paper] == (["27.41"] if method == "deraings" else [])
+
+
+def test_the_index_says_when_the_board_was_published_and_links_to_the_documentation(copied):
+    write_json(copied / PUBLICATION, {"date": "2026-01-02", "version": "1.0.0+abc"})
+    for docs, start in (("../../", "../../"), ("https://example.org/docs/", "https://example.org/docs/"), ("", None)):
+        write_site(collect(copied), copied, copied / "no data", docs)
+        index = Page(copied / "site" / "index.html")
+        assert "Published on 2026-01-02 with version 1.0.0+abc." in "".join(index.text)
+        found = {a["href"] for a in index.all("a") if a["href"].endswith("board.html#submit-renders")}
+        assert found == ({f"{start}leaderboard/board.html#submit-renders"} if docs else set())
+    write_site(collect(copied), copied, copied / "no data", "../../")
+    page = Page(copied / "site" / "methods" / method_page("3dgs"))
+    assert "../../../methods/index.html" in {a["href"] for a in page.all("a")}
 
 
 def test_the_best_values_are_marked_and_the_ceiling_is_not(written, pages):
