@@ -8,10 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hydroviews.__main__ import download_command
 from hydroviews.blender.embedded_scenes import captures
 from hydroviews.blender.embedded_scenes.captures import VERSION, read_embedded
 from hydroviews.captures.packed.archives import FOLDER, HASHES, UNPACKED, pack, unpack
 from hydroviews.captures.packed.depth_code import decode, encode
+from hydroviews.captures.packed.sample import CLIP, copy_sample
+from hydroviews.captures.video.decoding import open_video, video_frames
 from hydroviews.dataset.sources import find_capture
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, write_json
@@ -196,3 +199,32 @@ def test_rendering_again_gives_about_what_is_packed(kept_blender, tmp_path):
     both = np.isfinite(depth) & np.isfinite(packed)
     assert both.mean() > 0.7
     assert np.median(np.abs(depth[both] / packed[both] - 1)) < 0.01
+
+
+def test_the_sample_clip_is_a_small_video_that_is_copied_once(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    download_command("sample")
+    assert "hydroviews reconstruct sample.mp4" in capsys.readouterr().out
+    copy = tmp_path / CLIP
+    assert copy.stat().st_size < 3e6
+    with open_video(copy) as video:
+        frames = [frame.pixels for frame in video_frames(video)]
+    assert len(frames) >= 20
+    assert {frame.shape for frame in frames} == {(240, 320, 3)}
+    written = copy.stat().st_mtime_ns
+    assert copy_sample(tmp_path) == copy
+    assert copy.stat().st_mtime_ns == written
+    copy.write_bytes(b"a video of mine")
+    with pytest.raises(InputError, match=r"sample\.mp4: another file[\s\S]*--out"):
+        copy_sample(tmp_path)
+    assert copy.read_bytes() == b"a video of mine"
+
+
+@pytest.mark.parametrize(("content", "fault"), [(b"cut", "damaged"), (None, "missing")])
+def test_a_sample_clip_that_is_not_the_shipped_one_is_refused(tmp_path, content, fault):
+    (tmp_path / HASHES).write_text((FOLDER / HASHES).read_text())
+    if content:
+        (tmp_path / CLIP).write_bytes(content)
+    with pytest.raises(InputError, match=rf"sample\.mp4: {fault}[\s\S]*install HydroViews again$"):
+        copy_sample(tmp_path / "copies", tmp_path)
+    assert not (tmp_path / "copies").exists()
