@@ -148,7 +148,7 @@ def download_command(
             copied without a network. Without a name: list what there is.
         captures: the folder for captures. Default: $HYDROVIEWS_CAPTURES, else `captures`.
         mirror: address of an archive, or of a folder with archives, to try first. Default: $HYDROVIEWS_MIRROR.
-                out: the data folder for a packed variant, or the folder for the sample clip (default: the current folder).
+        out: the data folder for a packed variant, or the folder for the sample clip (default: the current folder).
     """
     if not name:
         _list_scenes(captures_root(captures))

@@ -1,4 +1,4 @@
-"""The example that draws a clip: streaks are new in every frame, drops stay on the lens, cameras lie on a smooth path."""
+"""The example that draws a clip: streaks are new in every frame, drops stay, cameras lie on a smooth path."""
 
 import numpy as np
 import pytest
