@@ -137,7 +137,7 @@ def _scenes(name: str, pattern: str, scenes: Sequence[ScenePage], runs: Sequence
             there = [run for run in runs if scene_page(run.record) == scene.page]
             own = tuple(run for run in there if run.record["pattern"] in (pattern, CLEAN))
             paper = published_scores(scene.name, effect_of(pattern)).to_dict("index").get(name, {})
-            yield SceneScores(scene, scores, paper, own)
+            yield SceneScores(scene, scores, {str(column): value for column, value in paper.items()}, own)
 
 
 def _found(name: str, rankings: Sequence[Ranking]) -> Iterator[tuple[Ranking, RankedMethod]]:
