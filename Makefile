@@ -153,8 +153,9 @@ $(DOCS): $(READY)
 	$(BIN)/python -m pip install --constraint constraints.txt --editable '.[docs]'
 	touch $(DOCS)
 
-docs: $(DOCS)  ## the site into build/site: open build/site/index.html
+docs: $(DOCS)  ## the site with the board's pages into build/site: open build/site/index.html
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build
+	$(BIN)/python -m leaderboard board --out build/site/board --docs ../../
 
 # A file's tests share what they build, so they stay in one process; tests/conftest.py has the order of files.
 test: $(READY)  ## all tests, shared out to up to four processes

@@ -45,6 +45,7 @@ class GaussianSplatting(Method):
     citation = Citation(
         title="3D Gaussian Splatting",
         paper="3D Gaussian Splatting for Real-Time Radiance Field Rendering",
+        authors="B. Kerbl, G. Kopanas, T. Leimkühler, G. Drettakis",
         year=2023,
         link="https://arxiv.org/abs/2308.04079",
         code="https://github.com/graphdeco-inria/gaussian-splatting",
@@ -199,6 +200,7 @@ class BudgetedSplatting(GaussianSplatting):
     citation = Citation(
         title="3D Gaussian Splatting with a budget",
         paper="3D Gaussian Splatting as Markov Chain Monte Carlo",
+        authors="S. Kheradmand, D. Rebain, G. Sharma, W. Sun, J. Tseng, H. Isack, A. Kar, A. Tagliasacchi, K. M. Yi",
         year=2024,
         link="https://arxiv.org/abs/2404.09591",
     )

@@ -61,6 +61,7 @@ class Citation:
 
     title: str  # full name of the method
     paper: str = ""  # title of its publication
+    authors: str = ""  # of the publication, with initials, separated by commas
     year: int | None = None
     link: str = ""  # to the publication, https
     code: str = ""  # the authors' own, https; this project contains none of it

@@ -148,6 +148,7 @@ class NerfW(RadianceMethod):
     citation = Citation(
         title="NeRF in the Wild",
         paper="NeRF in the Wild: Neural Radiance Fields for Unconstrained Photo Collections",
+        authors="R. Martin-Brualla, N. Radwan, M. S. M. Sajjadi, J. T. Barron, A. Dosovitskiy, D. Duckworth",
         year=2021,
         link="https://arxiv.org/abs/2008.02268",
     )

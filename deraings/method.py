@@ -94,6 +94,7 @@ class DeRainGS(GaussianSplatting):
     citation = Citation(
         title="DeRainGS, re-implemented",
         paper="DeRainGS: Gaussian Splatting for Enhanced Scene Reconstruction in Rainy Environments",
+        authors="S. Liu, X. Chen, H. Chen, Q. Xu, M. Li",
         year=2025,
         link="https://arxiv.org/abs/2408.11540",
     )

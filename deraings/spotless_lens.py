@@ -71,6 +71,7 @@ class SpotlessLens(Spotless):
     citation = Citation(
         title="SpotLessSplats with residuals of the lens (this project)",
         paper="SpotLessSplats: Ignoring Distractors in 3D Gaussian Splatting",
+        authors="S. Sabour, L. Goli, G. Kopanas, M. Matthews, D. Lagun, L. Guibas, A. Jacobson and others",
         year=2025,
         link="https://arxiv.org/abs/2406.20055",
     )

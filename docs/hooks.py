@@ -24,6 +24,7 @@ from hydroviews.cli.commands import imported
 from hydroviews.dataset.suites import DEVELOPMENT, suite_of
 from leaderboard.gather import BOARD, collect
 from leaderboard.records import FLOOR
+from leaderboard.site.contents import method_page
 
 if TYPE_CHECKING:  # tests read this file where mkdocs is not installed
     from mkdocs.config.defaults import MkDocsConfig
@@ -39,6 +40,7 @@ PROGRAMS = (
     "baselines.derain_nerf.raindrop_attention",
 )
 LESS_SOUGHT = "---\nsearch:\n  boost: 0.3\n---\n"  # a search finds what people wrote for readers first
+BOARD_SITE = "board/site"  # in the site, as `make docs` writes it
 NOTEBOOK = "experiments/"  # pages that neither the navigation nor a search shows
 CARD_PATTERNS = {"raindrop-1": "drops", "streak-1": "streaks"}  # medium patterns, which all methods were run on
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', re.DOTALL)
@@ -149,6 +151,8 @@ def published_runs() -> pd.DataFrame:
 def card(method: str) -> str:
     """A table of a method's published scores: a row a scene, PSNR and the difference to the floor under each pattern.
 
+    Below the table stands a link to the method's page of the board, which `make docs` writes beside the site.
+
     Raises:
         ValueError: the board has no run of the method.
     """
@@ -164,7 +168,9 @@ def card(method: str) -> str:
         title = f"{scene} (development)" if suite_of(scene) == DEVELOPMENT else scene
         cells = [score_cell(own.psnr, floor.psnr, (scene, pattern), method) for pattern in CARD_PATTERNS]
         lines.append(f"| {title} | {' | '.join(cells)} | {own.seconds[scene].mean():.0f} |")
-    return "\n".join(lines)
+    return "\n".join(
+        [*lines, "", f'<p><a href="../{BOARD_SITE}/methods/{method_page(method)}">All scores on the board</a></p>']
+    )
 
 
 def score_cell(own: pd.Series, floor: pd.Series, run: tuple[str, str], method: str) -> str:

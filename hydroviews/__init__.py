@@ -14,4 +14,4 @@ metrics    PSNR, SSIM, LPIPS and the others
 torch      a built or packed variant as a PyTorch data set
 """
 
-__version__ = "0.2.0"
+__version__ = "1.0.0"

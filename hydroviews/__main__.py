@@ -25,6 +25,7 @@ from hydroviews.captures.catalogue.catalogue import (
     locate,
 )
 from hydroviews.captures.download.captures import download_captures
+from hydroviews.captures.packed.sample import SAMPLE, copy_sample
 from hydroviews.captures.panoramas import Panoramas, refuse_panoramas
 from hydroviews.captures.photographs import camera_notes, check_photographs
 from hydroviews.captures.sfm.poses import FeatureKind, Matcher, estimate_poses
@@ -143,13 +144,17 @@ def download_command(
 
     Args:
         name: such as mipnerf360/garden, or mipnerf360 for all of its scenes; the address (http(s)://...) or file of a
-            packed variant, `#sha256=...` at its end is the required checksum. Without a name: list what there is.
+            packed variant, `#sha256=...` at its end is the required checksum; sample: a rainy clip of the package,
+            copied without a network. Without a name: list what there is.
         captures: the folder for captures. Default: $HYDROVIEWS_CAPTURES, else `captures`.
         mirror: address of an archive, or of a folder with archives, to try first. Default: $HYDROVIEWS_MIRROR.
-        out: the data folder, for a packed variant.
+        out: the data folder for a packed variant, or the folder for the sample clip (default: the current folder).
     """
     if not name:
         _list_scenes(captures_root(captures))
+    elif name == SAMPLE:
+        clip = copy_sample(out or Path())
+        print(f"ready: {clip}; try `hydroviews reconstruct {shlex.quote(str(clip))} --profile demo`")
     elif is_packed(name):
         if out is None:
             raise InputError(f"{name}: a packed variant without a data folder", fix="add --out data/fetched")
@@ -167,6 +172,7 @@ def is_packed(name: str) -> bool:
 
 def _list_scenes(root: Path) -> None:
     rows = [(name, "modelled, rendered with Blender", "comes with the package") for name in EMBEDDED]
+    rows += [(SAMPLE, "courtyard in rain, a video", "comes with the package")]
     rows += [(one.name, one.title, _whereabouts(one, root)) for one in all_captures()]
     widths = [max(len(row[column]) for row in rows) for column in (0, 1)]
     for name, origin, place in rows:

@@ -9,6 +9,7 @@ import inspect
 import json
 import sys
 from collections.abc import Callable
+from datetime import date
 from pathlib import Path
 from typing import Annotated
 
@@ -51,7 +52,7 @@ SuiteName = Annotated[str, choices((TEST, DEVELOPMENT))]
 
 
 def sweep_command(request: tyro.conf.OmitArgPrefixes[SweepRequest]) -> None:
-    """Run a matrix of methods, scenes, patterns and seeds: what is done is skipped, what is missing is built."""
+    """Run a matrix of methods, scenes, patterns and seeds. Finished runs are skipped, missing scenes are built."""
     failures = sweep(request)
     for run, reason in failures.items():
         print(f"{run}: failed: {reason}")
@@ -68,21 +69,21 @@ def check_command(
     minutes: float = MINUTES,
     json: Path | None = None,
 ) -> None:
-    """Try a method on a small room and say whether it keeps its contract, a line a promise; exit status 1 if not.
+    """Test on a small room whether a method keeps the contract: a line per check; exit status 1 if one fails.
 
     Args:
         method: a registered name, or package.module:Class.
-        profile: whose configuration is shortened.
-        steps: of training, where the configuration counts them; trainings that are interrupted take some seconds.
-        minutes: that a check may take.
-        json: a file to write the outcome to.
+        profile: the profile whose configuration is shortened.
+        steps: number of training steps, if the configuration counts steps; interrupted trainings take a few seconds.
+        minutes: time limit of a check.
+        json: a file for the results of the checks.
     """
     if any(outcome.result == Result.FAILED for outcome in check(method, profile, steps, json, minutes)):
         sys.exit(1)
 
 
 def methods_command() -> None:
-    """List the methods, and the wrappers that make a method of a method, as in 3dgs+enhance."""
+    """List the methods, and the wrappers that change a method, as in 3dgs+enhance."""
     found: dict[str, object] = {name: find_method(name) for name in registered(METHODS)}
     found |= {f"NAME+{name}": find_wrapper(name) for name in registered(WRAPPERS)}
     width = max(map(len, found))
@@ -99,8 +100,8 @@ def table_command(results: Path = Path("results"), suite: SuiteName = "", cards:
 
     Args:
         results: the results folder.
-        suite: print its scenes alone.
-        cards: a data folder, or a built scene in one, whose data cards get what plain 3DGS loses to each variant.
+        suite: print only the scenes of this suite.
+        cards: a data folder, or a built scene in one. Writes the PSNR that plain 3DGS loses into the data cards.
     """
     table = of_suite(write_leaderboard(results), suite)
     for keys in scene_keys(table):
@@ -159,13 +160,13 @@ def compare_command(
     """Compare methods on the runs that all of them have: means, differences, 95 % intervals, significance, ties.
 
     Args:
-        methods: those to compare, as tables name them; if none is named all that do not lack too many runs, then all
-            there are on the runs that all of them have.
-        metric: psnr, ssim, lpips_alex, lpips_vgg, or one that is registered.
-        suite: only its scenes; each suite apart if none is named.
-        patterns: only these; all there are if none is named.
-        profile: of the runs.
-        track: of the runs.
+        methods: names of methods, as in tables. Default: first all methods with enough runs, then all methods on the
+            runs that every method has.
+        metric: psnr, ssim, lpips_alex, lpips_vgg, or a registered metric.
+        suite: compare only on this suite. Default: on each suite separately.
+        patterns: compare only in these patterns. Default: in all patterns.
+        profile: profile of the runs.
+        track: track of the runs.
         results: the results folder.
     """
     table = of_suite(read_leaderboard(results), suite)
@@ -192,15 +193,15 @@ def compare_command(
 def publish_command(
     results: Path = Path("results"), board: Path = BOARD, submitted: bool = False, overwrite: bool = False
 ) -> None:
-    """Copy records and scores of views, no pictures, of all trusted runs, done or failed, onto the board that ships.
+    """Copy all trusted runs onto the board that ships, done or failed: records and scores of views, no pictures.
 
     Args:
         results: folder of the runs.
-        board: takes them.
-        submitted: those that somebody submitted as well.
-        overwrite: replace runs that are on the board and are others.
+        board: folder of the board.
+        submitted: copy submitted runs too.
+        overwrite: replace runs on the board that differ.
     """
-    outcome = publish(results, board, submitted, overwrite)
+    outcome = publish(results, board, submitted, overwrite, date.today())
     for name, reason in outcome.left_out.items():
         print(f"{name}: left out: {reason}")
     print(
@@ -208,15 +209,18 @@ def publish_command(
     )
 
 
-def board_command(board: Path = BOARD, out: Path = Path("build/board"), pages: tuple[Path, ...] = ()) -> None:
+def board_command(
+    board: Path = BOARD, out: Path = Path("build/board"), pages: tuple[Path, ...] = (), docs: str = ""
+) -> None:
     """Write tables, comparisons and pages of published runs, and fill the tables of documents from them.
 
     Args:
         board: the published runs.
-        out: takes what is written.
+        out: folder for tables and pages.
         pages: Markdown files with tables between comments, as README.md has them.
+        docs: address of the documentation, absolute or as seen from `site/index.html`. Default: no links to it.
     """
-    print(f"open {write_board(board, out, pages)}")
+    print(f"open {write_board(board, out, pages, docs)}")
 
 
 def score_command(
@@ -270,8 +274,8 @@ def view_command(run: tyro.conf.Positional[Path], data: Path = DATA, host: str =
     Args:
         run: folder of a finished run, such as results/demo/3dgs/courtyard/raindrop-1/seed-0.
         data: folder that `make eval` built in.
-        host: address to serve at; 0.0.0.0 lets other machines look.
-        port: the next free one from here.
+        host: network address of the viewer; 0.0.0.0 accepts other machines.
+        port: first port to try; the next free port is used.
     """
     view(run, data, host, port)
 
@@ -282,11 +286,11 @@ def film_command(
     out: Path = Path("film.mp4"),
     data: Path = DATA,
 ) -> None:
-    """Film a trained scene along a smooth path through where its cameras stood.
+    """Film a trained scene along a smooth path near its cameras.
 
     Args:
         run: folder of a finished run.
-        choice: how long, how smooth, how large.
+        choice: length, frame rate and size.
         out: the film, .mp4 or .webm.
         data: folder that `make eval` built in.
     """
@@ -304,7 +308,7 @@ def export_command(
     Args:
         run: folder of a finished run.
         out: the file, .ply.
-        format: ply, which shows the same as splats.ply, or compressed, about a quarter as large.
+        format: ply: looks like splats.ply; compressed: about a quarter of the size.
         sh_degree: leave out spherical harmonics above this degree.
     """
     export(run, out, format, sh_degree)

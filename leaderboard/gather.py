@@ -11,7 +11,7 @@ import pandas as pd
 
 from hydroviews.dataset.suites import suite_of
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import as_file
+from hydroviews.files.atomic import as_file, read_json
 from hydroviews.files.full_disk import ReadOnly
 from hydroviews.files.locks import BUSY, locked
 from hydroviews.files.temporary import remove_leftovers_in
@@ -41,6 +41,7 @@ from leaderboard.tables.table_files import write_tables
 logger = logging.getLogger(__name__)
 
 BOARD = Path(__file__).with_name("board")  # the runs that ship: `publish` alone writes there
+PUBLICATION = "published.json"  # on a board
 LAST = re.compile(rf"seed-[0-9]{{1,9}}(-({'|'.join(TRACKS)}))?")  # folder of a seed, with its track
 COUNTS = ("n_train", "n_test", "width", "height", "n_primitives", "workers", "sessions", "photographs", "registered")
 VIEW_KEYS = (
@@ -193,6 +194,21 @@ def write_leaderboard(results: Path) -> pd.DataFrame:
         except ReadOnly as error:
             logger.warning("%s", error)
     return table
+
+
+def publication(board: Path) -> dict[str, str]:
+    """When (`date`) and with which `version` of the code the last runs came onto a board; empty for other results.
+
+    Raises:
+        InputError: the note is damaged.
+    """
+    path = board / PUBLICATION
+    note = read_json(path) if path.is_file() else {}
+    if note and not (isinstance(note, dict) and {"date", "version"} <= note.keys()):
+        raise InputError(
+            f"{path}: not a note of `leaderboard publish`", expected="date and version", fix="remove the file"
+        )
+    return {name: str(note[name]) for name in note and ("date", "version")}
 
 
 def is_board(results: Path) -> bool:

@@ -42,6 +42,7 @@ class CrNerf(MaskedFieldMethod):
     citation = Citation(
         title="CR-NeRF",
         paper="Cross-Ray Neural Radiance Fields for Novel-view Synthesis from Unconstrained Image Collections",
+        authors="Y. Yang, S. Zhang, Z. Huang, Y. Zhang, M. Tan",
         year=2023,
         link="https://arxiv.org/abs/2307.08093",
         code="https://github.com/YifYang993/CR-NeRF-PyTorch",

@@ -73,6 +73,7 @@ class DerainNeRF(RadianceMethod):
     citation = Citation(
         title="DerainNeRF",
         paper="DerainNeRF: 3D Scene Estimation with Adhesive Waterdrop Removal",
+        authors="Y. Li, J. Wu, L. Zhao, P. Liu",
         year=2024,
         link="https://arxiv.org/abs/2403.20013",
     )

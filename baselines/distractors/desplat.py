@@ -138,6 +138,7 @@ class DeSplat(GaussianSplatting):
     citation = Citation(
         title="DeSplat",
         paper="DeSplat: Decomposed Gaussian Splatting for Distractor-Free Rendering",
+        authors="Y. Wang, M. Klasson, M. Turkulainen, S. Wang, J. Kannala, A. Solin",
         year=2025,
         link="https://arxiv.org/abs/2411.19756",
         code="https://github.com/AaltoML/desplat",

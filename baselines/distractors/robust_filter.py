@@ -40,6 +40,7 @@ class RobustFilter(GaussianSplatting):
     citation = Citation(
         title="Filter of RobustNeRF, on splatting",
         paper="RobustNeRF: Ignoring Distractors with Robust Losses",
+        authors="S. Sabour, S. Vora, D. Duckworth, I. Krasin, D. J. Fleet, A. Tagliasacchi",
         year=2023,
         link="https://arxiv.org/abs/2302.00833",
     )

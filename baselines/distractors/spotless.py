@@ -46,8 +46,10 @@ class Spotless(GaussianSplatting):
     citation = Citation(
         title="SpotLessSplats",
         paper="SpotLessSplats: Ignoring Distractors in 3D Gaussian Splatting",
+        authors="S. Sabour, L. Goli, G. Kopanas, M. Matthews, D. Lagun, L. Guibas, A. Jacobson and others",
         year=2025,
         link="https://arxiv.org/abs/2406.20055",
+        code="https://github.com/lilygoli/SpotLessSplats",
     )
 
     mask: ClassVar[type[FeatureMask]] = FeatureMask

@@ -62,6 +62,7 @@ class GaussianInTheWild(GaussianSplatting):
     citation = Citation(
         title="Gaussian in the Wild",
         paper="Gaussian in the Wild: 3D Gaussian Splatting for Unconstrained Image Collections",
+        authors="D. Zhang, C. Wang, W. Wang, P. Li, M. Qin, H. Wang",
         year=2024,
         link="https://arxiv.org/abs/2403.15704",
         code="https://github.com/EastbeanZhang/Gaussian-Wild",

@@ -41,6 +41,7 @@ class HaNerf(MaskedFieldMethod):
     citation = Citation(
         title="Ha-NeRF",
         paper="Hallucinated Neural Radiance Fields in the Wild",
+        authors="X. Chen, Q. Zhang, X. Li, Y. Chen, Y. Feng, X. Wang, J. Wang",
         year=2022,
         link="https://arxiv.org/abs/2111.15246",
         code="https://github.com/rover-xingyu/Ha-NeRF",

@@ -43,8 +43,11 @@ class Nimbus(GaussianSplatting):
 
     citation = Citation(
         title="NimbusGS",
+        paper="NimbusGS: Unified 3D Scene Reconstruction under Hybrid Weather",
+        authors="Y. Li, J. Li, S. He, Y. Xu, J. Dong, Y. Du",
         year=2026,
         link="https://arxiv.org/abs/2603.27228",
+        code="https://github.com/lyy-ovo/NimbusGS",
     )
 
     profiles: ClassVar[Mapping[str, Any]] = {

@@ -56,6 +56,7 @@ class OccNerf(RadianceMethod):
     citation = Citation(
         title="Occlusion-free NeRF",
         paper="Occlusion-Free Scene Recovery via Neural Radiance Fields",
+        authors="C. Zhu, R. Wan, Y. Tang, B. Shi",
         year=2023,
     )
 

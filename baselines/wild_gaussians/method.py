@@ -113,6 +113,7 @@ class WildGaussians(GaussianSplatting):
     citation = Citation(
         title="WildGaussians",
         paper="WildGaussians: 3D Gaussian Splatting in the Wild",
+        authors="J. Kulhanek, S. Peng, Z. Kukelova, M. Pollefeys, T. Sattler",
         year=2024,
         link="https://arxiv.org/abs/2407.08447",
         code="https://github.com/jkulhanek/wild-gaussians",

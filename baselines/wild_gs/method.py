@@ -55,6 +55,7 @@ class WildGS(GaussianSplatting):
     citation = Citation(
         title="Wild-GS",
         paper="Wild-GS: Real-Time Novel View Synthesis from Unconstrained Photo Collections",
+        authors="J. Xu, Y. Mei, V. M. Patel",
         year=2024,
         link="https://arxiv.org/abs/2406.10373",
     )

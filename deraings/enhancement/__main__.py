@@ -145,11 +145,11 @@ def average_command(
     """Write the mean of weights, with a data card that names all of them, and validate it.
 
     Args:
-        weights: shipped ones, or files, of trainings that began with one another.
+        weights: names of shipped weights, or files; all trainings began with the same weights.
         photographs: the folders that were trained on; the held-out ones are validated on.
         out: the .safetensors file to write.
         cache: keeps what Blender bakes.
-        pictures: how many held-out photographs, the folders' by turns, 0 for all.
+        pictures: number of held-out photographs, taken from the folders in turn; 0: all.
 
     Raises:
         InputError: no such weights, networks of several configurations, or files of somebody else's in the way.

@@ -21,13 +21,14 @@ from leaderboard.tables.markdown import block_title, suite_title
 COMPARISONS = "comparisons.md"
 
 
-def write_board(board: Path, out: Path, pages: Sequence[Path] = ()) -> Path:
+def write_board(board: Path, out: Path, pages: Sequence[Path] = (), docs: str = "") -> Path:
     """Write the runs of a board, all tables, comparisons and the pages into a folder that can be put on a web server.
 
     Args:
         board: published runs; nothing is written there.
         out: a new folder, or one that this function wrote; runs that are no longer on the board go.
         pages: Markdown files whose tables are filled from the runs.
+        docs: address of the documentation, see `write_site`.
 
     Returns:
         The pages' index.
@@ -41,7 +42,7 @@ def write_board(board: Path, out: Path, pages: Sequence[Path] = ()) -> Path:
     table = write_leaderboard(out)
     views = collect_views(table, out)
     write_bytes(out / COMPARISONS, comparisons_text(table, views).encode())
-    index = write_site(table, out, data=out)  # without renders, no picture is looked for
+    index = write_site(table, out, data=out, docs=docs)  # without renders, no picture is looked for
     for page, text in {page: filled(text, table, views) for page, text in texts.items()}.items():
         edit_bytes(page, text.encode())
     return index

@@ -7,16 +7,28 @@ method.
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from datetime import date
 from pathlib import Path
 from typing import Any
 
 from baselines.training.learning_curve import LEARNING_CURVE
 from hydroviews.errors import InputError
 from hydroviews.files import ownership
-from hydroviews.files.atomic import read_json, write_bytes
+from hydroviews.files.atomic import read_json, write_bytes, write_json
 from hydroviews.files.temporary import remove_leftovers
-from leaderboard.gather import run_folders, trusted_record
-from leaderboard.records import DONE, FAILED, FIELDS, PER_VIEW, RECORD, RESCORE, SCHEMA, Record, read_record
+from leaderboard.gather import PUBLICATION, publication, run_folders, trusted_record
+from leaderboard.records import (
+    DONE,
+    FAILED,
+    FIELDS,
+    PER_VIEW,
+    RECORD,
+    RESCORE,
+    SCHEMA,
+    Record,
+    code_version,
+    read_record,
+)
 
 PUBLISHED = (RECORD, PER_VIEW, LEARNING_CURVE)  # a failed run has no scores, a submission no training
 
@@ -37,7 +49,9 @@ class _Run:
     files: Mapping[str, bytes]
 
 
-def publish(results: Path, board: Path, submitted: bool = False, overwrite: bool = False) -> Outcome:
+def publish(
+    results: Path, board: Path, submitted: bool = False, overwrite: bool = False, day: date | None = None
+) -> Outcome:
     """Copy the records and views' scores of all trusted runs, done or failed. A run is there whole or not at all.
 
     Args:
@@ -45,6 +59,7 @@ def publish(results: Path, board: Path, submitted: bool = False, overwrite: bool
         board: takes them.
         submitted: those that somebody submitted as well.
         overwrite: replace runs that are on the board and are others; files of somebody else's in their folders stay.
+        day: on which runs are published, noted on the board with the version of the code; None: what `results` notes.
 
     Raises:
         InputError: no such run; or one that does not belong on a board: of a changed checkout, another schema or other
@@ -71,6 +86,9 @@ def publish(results: Path, board: Path, submitted: bool = False, overwrite: bool
         ownership.claim(board)
     for name, run in new.items():
         _write_run(board / name, run.files)
+    note = {"date": day.isoformat(), "version": code_version()} if day else publication(results)
+    if note and (new or not day) and note != publication(board):
+        write_json(board / PUBLICATION, note)
     return Outcome(tuple(new), len(runs) - len(new), left_out)
 
 

@@ -1,8 +1,7 @@
-"""Writes the pages: an index, a page a scene, a page a run."""
+"""Writes the pages: an index, a page per method, per scene and per run."""
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +9,6 @@ import pandas as pd
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from tqdm import tqdm
 
-from baselines.method import METHODS, Citation, citation_of
-from hydroviews.cli.plugins import registered
 from hydroviews.dataset.suites import suite_of
 from hydroviews.files import ownership
 from hydroviews.files.atomic import write_bytes
@@ -20,22 +17,25 @@ from hydroviews.files.locks import BUSY, locked
 from hydroviews.metrics import find_metrics
 from hydroviews.profiles import PROFILES
 from hydroviews.rain.patterns import GRADES
+from leaderboard.gather import publication
 from leaderboard.records import FLOOR, GIVEN_POSES, RAINY_POSES, SPARSE_VIEWS, effect_of
+from leaderboard.site.contents import ScenePage, SuitePart, method_page, method_pages, scene_page
 from leaderboard.site.hidden_pictures import hidden_pictures
 from leaderboard.site.learning_curves import learning_curves
-from leaderboard.site.pareto import Plot, draw
-from leaderboard.site.pictures import Pictures, Thumbnails, scene_pictures
-from leaderboard.site.runs import ShownRun, page_name, shown_runs
+from leaderboard.site.pareto import draw
+from leaderboard.site.pictures import Thumbnails, scene_pictures
+from leaderboard.site.runs import ShownRun, shown_runs
 from leaderboard.tables.dataframes import cost_means, rows_of, scene_keys, suite_keys
 from leaderboard.tables.markdown import COST_TITLES, cost_text
 from leaderboard.tables.means import blocks, shown_names
 from leaderboard.tables.paper_numbers import NOTE, published_scores
-from leaderboard.tables.rankings import Ranking, rankings
+from leaderboard.tables.rankings import rankings
 from leaderboard.tables.statistics import LEAST_SCENES
 
 SITE = "site"  # in a results folder
 INDEX = "index.html"
 ASSETS = ("style.css", "script.js")
+FOLDERS = ("methods", "runs", "scenes", "pictures")
 PLOTTED = ("train_s", "peak_mem_mb", "model_mb", "n_primitives")
 TRACK_TITLES = {
     GIVEN_POSES: "known cameras",
@@ -52,38 +52,14 @@ LEGEND = (
 FILTERS = ("profile", "track", "suite", "scene", "effect", "grade", "status")
 
 
-@dataclass(frozen=True)
-class SuitePart:
-    """What the index has of a profile, track and suite (empty: scenes of none)."""
-
-    profile: str
-    track: str
-    suite: str
-    rankings: list[Ranking]
-    plots: list[Plot]  # of the runs that all methods have
-
-
-@dataclass(frozen=True)
-class ScenePage:
-    """A scene in a profile and track."""
-
-    name: str
-    profile: str
-    track: str
-    suite: str
-    page: str
-    rankings: list[Ranking]
-    pictures: Mapping[str, Pictures]
-    hidden: Mapping[str, Pictures]
-
-
-def write_site(table: pd.DataFrame, results: Path, data: Path) -> Path:
+def write_site(table: pd.DataFrame, results: Path, data: Path, docs: str = "") -> Path:
     """Write the pages into SITE in a results folder; what is there of runs that are no longer there goes.
 
     Args:
         table: the runs, as `gather.collect` has them.
         results: their folder.
         data: folder that the scenes were built in; where data are missing or have changed, so are their pictures.
+        docs: address of the documentation's start folder, absolute or as seen from the index; empty: no links to it.
 
     Returns:
         The path of the index.
@@ -94,15 +70,15 @@ def write_site(table: pd.DataFrame, results: Path, data: Path) -> Path:
     out = results / SITE
     with locked(out, BUSY):
         with plain_write_errors(out):
-            for folder in ("runs", "scenes", "pictures"):
+            for folder in FOLDERS:
                 (out / folder).mkdir(parents=True, exist_ok=True)
             ownership.claim(out)
         runs = shown_runs(table, results)
         thumbnails = Thumbnails(out / "pictures")
         scenes = _scenes(table, runs, data, thumbnails)
-        written = _write_pages(out, runs, scenes, _suites(table))
+        written = _write_pages(out, runs, scenes, _suites(table), environment(docs, publication(results)))
         kept = written | {thumbnails.folder / name for name in thumbnails.written}
-        for folder in ("runs", "scenes", "pictures"):
+        for folder in FOLDERS:
             for path in set((out / folder).iterdir()) - kept:
                 ownership.remove(path)
     return out / INDEX
@@ -127,29 +103,30 @@ def _scenes(table: pd.DataFrame, runs: list[ShownRun], data: Path, thumbnails: T
         pictures = scene_pictures(own, data, thumbnails)
         hidden = hidden_pictures(own, data, thumbnails)
         ranked = rankings(rows.assign(method=shown_names(rows)))
-        pages.append(ScenePage(*keys, suite_of(scene), page_name(*keys), ranked, pictures, hidden))
+        pages.append(ScenePage(*keys, suite_of(scene), scene_page(rows.iloc[0]), ranked, pictures, hidden))
     return pages
 
 
-def _write_pages(out: Path, runs: list[ShownRun], scenes: list[ScenePage], suites: list[SuitePart]) -> set[Path]:
-    pages = environment()
-    addresses = {(scene.name, scene.profile, scene.track): scene.page for scene in scenes}
-    pictured = any(scene.pictures for scene in scenes)
+def _write_pages(
+    out: Path, runs: list[ShownRun], scenes: list[ScenePage], suites: list[SuitePart], pages: Environment
+) -> set[Path]:
+    methods = method_pages(runs, suites, scenes)
     own: dict[str, Any] = {
         "runs": runs,
         "scenes": scenes,
         "suites": suites,
+        "methods": methods,
         "filters": _filters(runs),
-        "pictured": pictured,
+        "pictured": any(scene.pictures for scene in scenes),
     }
-    own["cited"] = _cited(runs)
     texts = {out / INDEX: pages.get_template(INDEX).render(root="", **own)}
+    for method in methods:
+        texts[out / "methods" / method.page] = pages.get_template("method.html").render(root="../", method=method)
     for scene in scenes:
         texts[out / "scenes" / scene.page] = pages.get_template("scene.html").render(root="../", scene=scene)
     template = pages.get_template("run.html")
     for run in tqdm(runs, desc="pages", unit="run", leave=False, disable=len(runs) < 200):
-        keys = (run.record["scene"], run.record["profile"], run.record["track"])
-        own = {"run": run, "scene_page": addresses[keys], "curves": learning_curves(run.folder)}
+        own = {"run": run, "scene_page": scene_page(run.record), "curves": learning_curves(run.folder)}
         texts[out / "runs" / run.page] = template.render(root="../", **own)
     for name in ASSETS:
         texts[out / name] = (Path(__file__).parent / name).read_text(encoding="utf-8")
@@ -157,13 +134,6 @@ def _write_pages(out: Path, runs: list[ShownRun], scenes: list[ScenePage], suite
         if not path.is_file() or path.read_bytes() != text.encode():
             write_bytes(path, text.encode())
     return set(texts)
-
-
-def _cited(runs: list[ShownRun]) -> dict[str, Citation]:
-    """What the registered methods of some runs follow, by name, without wrappers."""
-    names = sorted({run.record["method"].partition("+")[0] for run in runs if not run.record["submitted_by"]})
-    found = {name: citation_of(name) for name in names if name in registered(METHODS)}
-    return {name: citation for name, citation in found.items() if citation}
 
 
 def _filters(runs: list[ShownRun]) -> dict[str, list[str]]:
@@ -177,8 +147,13 @@ def filter_value(run: ShownRun, name: str) -> str:
     return str({"suite": run.suite, "grade": run.grade or "none"}.get(name) or run.record[name])
 
 
-def environment() -> Environment:
-    """Templates in which everything is escaped, and a name that is not given is an error."""
+def environment(docs: str, published: Mapping[str, str]) -> Environment:
+    """Templates in which everything is escaped, and a name that is not given is an error.
+
+    Args:
+        docs: see `write_site`.
+        published: when and with which version the runs were published, as `publication` has them; empty: not at all.
+    """
     pages = Environment(
         loader=PackageLoader("leaderboard.site"),
         autoescape=True,
@@ -202,5 +177,9 @@ def environment() -> Environment:
         "sides": {name: profile.long_side for name, profile in PROFILES.items()},
         "tracks": TRACK_TITLES,
         "isnan": math.isnan,
+        "method_page": method_page,
+        "published": published,
+        "docs": docs,
+        "to_docs": lambda root: docs if "://" in docs else root + docs,
     }
     return pages

@@ -32,6 +32,7 @@ FOLDER = Path(__file__).parent
 HASHES = "SHA256SUMS"  # of the archives, as `sha256sum --check` reads it
 UNPACKED = "unpacked.json"  # in the folder of a capture: which archive it is from
 LICENCE = "Apache-2.0"
+RENDER = ", or render the capture: `make dataset RENDER=1`"
 CAMERAS, REQUEST, POINTS, DEPTH = "cameras.json", "request.json", "points.npz", "depth.xz"
 FIRST = (1980, 1, 1, 0, 0, 0)  # the time of every member: the same capture gives the same archive
 
@@ -76,8 +77,7 @@ def unpack(capture: Path, version: int, archives: Path = FOLDER) -> bool:
     path = archives / f"{capture.name}.zip"
     if not path.is_file():
         return False
-    content = path.read_bytes()
-    _check(path, content)
+    content = read_checked(path)
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         cameras = json.loads(archive.read(CAMERAS))
         if cameras["request"]["version"] != version:
@@ -143,15 +143,23 @@ def _webp(pixels: NDArray[np.uint8 | np.uint16]) -> bytes:
     return encoded.getvalue()
 
 
-def _check(path: Path, content: bytes) -> None:
+def read_checked(path: Path) -> bytes:
+    """The content of a file that ships here, whose hash is that in HASHES beside the file.
+
+    Raises:
+        InputError: the file is missing or damaged.
+    """
+    content = path.read_bytes() if path.is_file() else b""
     expected, found = _hashes(path.parent).get(path.name), _sha256(content)
     if found != expected:
         raise InputError(
-            f"{path}: damaged",
+            f"{path}: damaged" if content else f"{path}: missing",
             found=f"SHA-256 {found}",
             expected=f"{expected}, from {HASHES}",
-            fix="install HydroViews again, or render the capture: `make dataset RENDER=1`",
+            fix="install HydroViews again"
+            + (", or render the capture: `make dataset RENDER=1`" * (path.suffix == ".zip")),
         )
+    return content
 
 
 def _hashes(archives: Path) -> dict[str, str]:

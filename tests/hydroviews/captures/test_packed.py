@@ -8,10 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hydroviews.__main__ import download_command
 from hydroviews.blender.embedded_scenes import captures
 from hydroviews.blender.embedded_scenes.captures import VERSION, read_embedded
-from hydroviews.captures.packed.archives import FOLDER, HASHES, UNPACKED, pack, unpack
+from hydroviews.captures.packed.archives import FOLDER, HASHES, UNPACKED, pack, read_checked, unpack
 from hydroviews.captures.packed.depth_code import decode, encode
+from hydroviews.captures.packed.sample import CLIP, copy_sample
+from hydroviews.captures.video.decoding import open_video, video_frames
 from hydroviews.dataset.sources import find_capture
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json, write_json
@@ -20,7 +23,7 @@ from hydroviews.scene.depth import stored_depth, write_depth
 from hydroviews.scene.images import read_image, resize_area, write_png
 
 SHIPPED = "courtyard-40-320x240"
-MEGABYTES = 8
+MEGABYTES = 9
 SMALLER = 4  # times, on each side: what is rendered to compare
 needs_bpy = pytest.mark.skipif(
     find_spec("bpy") is None, reason="bpy is not installed: pip install 'hydroviews[blender]'"
@@ -169,11 +172,12 @@ def test_it_is_rendered_if_asked_for(no_blender, tmp_path):
         find_capture("fox", tmp_path, 40, 320, render=True)
 
 
-def test_the_archives_of_the_package_are_small_and_hashed():
-    archives = sorted(path.name for path in FOLDER.glob("*.zip"))
-    assert archives == [f"{SHIPPED}.zip"]
-    assert [line.split()[1] for line in (FOLDER / HASHES).read_text().splitlines()] == archives
-    assert sum((FOLDER / name).stat().st_size for name in archives) < MEGABYTES * 1e6
+def test_the_files_of_the_package_are_small_and_hashed():
+    files = [f"{SHIPPED}.zip", CLIP]
+    assert sorted(path.name for kind in ("zip", "mp4") for path in FOLDER.glob(f"*.{kind}")) == files
+    assert [line.split()[1] for line in (FOLDER / HASHES).read_text().splitlines()] == files
+    assert all(read_checked(FOLDER / name) for name in files)
+    assert sum((FOLDER / name).stat().st_size for name in files) < MEGABYTES * 1e6
 
 
 @needs_bpy
@@ -196,3 +200,32 @@ def test_rendering_again_gives_about_what_is_packed(kept_blender, tmp_path):
     both = np.isfinite(depth) & np.isfinite(packed)
     assert both.mean() > 0.7
     assert np.median(np.abs(depth[both] / packed[both] - 1)) < 0.01
+
+
+def test_the_sample_clip_is_a_small_video_that_is_copied_once(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    download_command("sample")
+    assert "hydroviews reconstruct sample.mp4" in capsys.readouterr().out
+    copy = tmp_path / CLIP
+    assert copy.stat().st_size < 3e6
+    with open_video(copy) as video:
+        frames = [frame.pixels for frame in video_frames(video)]
+    assert len(frames) >= 20
+    assert {frame.shape for frame in frames} == {(240, 320, 3)}
+    written = copy.stat().st_mtime_ns
+    assert copy_sample(tmp_path) == copy
+    assert copy.stat().st_mtime_ns == written
+    copy.write_bytes(b"a video of mine")
+    with pytest.raises(InputError, match=r"sample\.mp4: another file[\s\S]*--out"):
+        copy_sample(tmp_path)
+    assert copy.read_bytes() == b"a video of mine"
+
+
+@pytest.mark.parametrize(("content", "fault"), [(b"cut", "damaged"), (None, "missing")])
+def test_a_sample_clip_that_is_not_the_shipped_one_is_refused(tmp_path, content, fault):
+    (tmp_path / HASHES).write_text((FOLDER / HASHES).read_text())
+    if content:
+        (tmp_path / CLIP).write_bytes(content)
+    with pytest.raises(InputError, match=rf"sample\.mp4: {fault}[\s\S]*install HydroViews again$"):
+        copy_sample(tmp_path / "copies", tmp_path)
+    assert not (tmp_path / "copies").exists()

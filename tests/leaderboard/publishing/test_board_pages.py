@@ -49,8 +49,11 @@ def files(folder: Path) -> dict[Path, bytes]:
 
 def test_all_tables_comparisons_and_pages_are_written_beside_a_board_that_stays_as_it_is(made, shown):
     publish(made / "results", made / "again")
-    board = {path.relative_to(made / "board"): content for path, content in files(made / "board").items()}
-    assert board == {path.relative_to(made / "again"): content for path, content in files(made / "again").items()}
+    board, again = (
+        {path.relative_to(root): content for path, content in files(root).items()}
+        for root in (made / "board", made / "again")
+    )
+    assert board == again
     names = {"leaderboard.csv", "per_view.csv", "tables.md", "tables.tex"}
     names |= {"tables.csv", "grades.csv", "costs.csv", "ablation.csv"}
     written = {path.name for path in shown.iterdir() if path.is_file() and path.name[0] != "."}
@@ -89,20 +92,14 @@ def test_tracks_are_compared_apart(board):
     assert comparisons_text(*both).startswith(comparisons_text(table, views))
 
 
-def test_runs_that_left_the_board_go(board, shown, tmp_path):
-    out = Path(shutil.copytree(shown, tmp_path / "out"))
-    shutil.rmtree(board / "demo" / "ours")
-    write_board(board, out)
-    assert set(collect(out).method) == {"3dgs", "3dgs-clean"}
-    assert len(list((out / "site" / "runs").iterdir())) == 9
-
-
-def test_files_of_the_users_among_the_runs_stay_when_these_go(board, shown, tmp_path):
+def test_runs_that_left_the_board_go_and_files_of_the_users_stay(board, shown, tmp_path):
     out = Path(shutil.copytree(shown, tmp_path / "out"))
     notes = out / "demo/ours/pond/streak-1/seed-0/notes.txt"
     notes.write_text("mine")
     shutil.rmtree(board / "demo" / "ours")
     write_board(board, out)
+    assert set(collect(out).method) == {"3dgs", "3dgs-clean"}
+    assert len(list((out / "site" / "runs").iterdir())) == 9
     assert [path.name for path in notes.parent.iterdir()] == ["notes.txt"]
 
 
@@ -150,22 +147,12 @@ def test_pages_are_read_before_anything_is_written(board, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_line_endings_of_a_page_stay(board, tmp_path):
+def test_the_command_fills_the_tables_of_pages_and_keeps_line_endings(board, tmp_path, capsys):
     page, table = tmp_path / "page.md", "| suite | rain | `ours` |\n|---|---|---|\n\n"
     text = f"Unix\n<!-- board: demo suites streak-1 -->\n\n{table}<!-- /board -->\n"
     page.write_bytes(text.encode() + text.replace("Unix", "DOS").replace("\n", "\r\n").encode())
-    write_board(board, tmp_path / "out", (page,))
-    unix, dos = page.read_bytes().split(b"DOS\r\n")
-    assert unix.startswith(b"Unix\n")
-    assert b"| streak, medium | **" in unix
-    assert dos == unix.removeprefix(b"Unix\n").replace(b"\n", b"\r\n")
-
-
-def test_the_command_fills_the_tables_of_pages(board, tmp_path, capsys):
-    page = tmp_path / "page.md"
-    page.write_text(
-        "<!-- board: demo suites streak-1 -->\n\n| suite | rain | `ours` |\n|---|---|---|\n\n<!-- /board -->\n"
-    )
     board_command(board, tmp_path / "out", (page,))
-    assert "| test, 2 scenes | streak, medium | **" in page.read_text()
     assert capsys.readouterr().out == f"open {tmp_path / 'out/site/index.html'}\n"
+    unix, dos = page.read_bytes().split(b"DOS\r\n")
+    assert b"| test, 2 scenes | streak, medium | **" in unix
+    assert dos == unix.removeprefix(b"Unix\n").replace(b"\n", b"\r\n")

@@ -125,11 +125,17 @@ def test_an_address_that_names_nothing_known_opens(page, written):
     assert len(column(page, "method")) == 15
 
 
-def test_a_board_without_renders_opens_sorts_and_says_what_is_not_there(page, shipped):
+def test_the_ranking_is_on_the_first_screen_of_a_phone_and_leads_to_scores_by_scene(page, shipped):
+    page.set_viewport_size(PHONE)
     page.goto(index(shipped))
-    page.locator("#all-runs th[data-key=psnr] button").click()
-    numbers = [float(text) for text in column(page, "psnr") if text]  # the failed run has none
-    assert numbers == sorted(numbers, reverse=True)
+    rows = page.locator("table.ranking").first.locator("tbody tr")
+    assert rows.nth(2).bounding_box()["y"] < PHONE["height"]
+    rows.locator("a", has_text="deraings").first.click()
+    assert page.locator("details > summary").count() == 4
+    assert not page.locator("details table").first.is_visible()
+    page.locator("details > summary").first.click()
+    assert page.locator("details table").first.is_visible()
+    page.go_back()
     page.locator("#scenes a").first.click()
     assert page.get_by_text("These runs have no pictures").is_visible()
     assert page.locator("img, input[type=range]").count() == 0
@@ -143,8 +149,8 @@ def test_axe_finds_nothing_serious_and_nothing_is_wider_than_the_screen(browser,
     source = (Path(axe.__file__).parent / "axe.min.js").read_text()
     context = browser.new_context(viewport=size, color_scheme=scheme)
     opened = context.new_page()
-    run = next((written / "site" / "runs").iterdir()).as_uri()
-    for address in (index(written), scene(written), run):
+    others = [next((written / "site" / folder).iterdir()).as_uri() for folder in ("runs", "methods")]
+    for address in (index(written), scene(written), *others):
         opened.goto(address)
         opened.evaluate("for (const one of document.querySelectorAll('details')) one.open = true")
         opened.evaluate(source)

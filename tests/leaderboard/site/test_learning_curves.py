@@ -39,7 +39,8 @@ def test_a_curve_begins_at_zero_seconds_and_is_to_scale(tmp_path):
         ("step,seconds,loss\n", []),
     ],
 )
-def test_what_is_not_finite_is_left_out(tmp_path, text, drawn):
+def test_what_is_not_finite_or_not_there_is_left_out(tmp_path, text, drawn):
+    assert learning_curves(tmp_path) == []
     (tmp_path / LEARNING_CURVE).write_text(text)
     curves = learning_curves(tmp_path)
     assert [curve.name for curve in curves] == drawn
@@ -64,20 +65,13 @@ def test_a_file_that_is_no_learning_curve_is_named(tmp_path, content, caplog):
     assert f"{LEARNING_CURVE}: not drawn" in caplog.text
 
 
-def test_a_run_without_one_has_none(tmp_path):
-    assert learning_curves(tmp_path) == []
-
-
-@pytest.mark.parametrize(("low", "high"), [(0, 1), (-3.2, 7), (0.001, 0.0011), (0, 1e-6), (20.1, 20.4), (1e3, 1e6)])
-def test_ticks_are_round_and_inside(low, high):
+@pytest.mark.parametrize(("low", "high"), [(-3.2, 7), (0.001, 0.0011), (0, 1e-6), (20.1, 20.4), (1e3, 1e6)])
+def test_ticks_are_round_and_inside_a_span_that_is_never_empty(low, high):
     found = ticks(low, high)
     assert 2 <= len(found) <= 16
     assert all(low - 1e-6 <= value <= high + 1e-6 for value in found)
-
-
-def test_spans_are_never_empty_and_places_follow_them():
-    span = widened(5.0, 5.0, 0.1)
-    assert span[0] < 5.0 < span[1]
+    span = widened(low, low, 0.1)
+    assert span[0] < low < span[1]
     assert (across(0.0, (0, 10)), across(10.0, (0, 10))) == (LEFT, WIDTH - RIGHT)
     assert (up(0.0, (0, 10)), up(10.0, (0, 10))) == (HEIGHT - BOTTOM, TOP)
     assert log_ticks(0.9, 110) == [1, 10, 100]

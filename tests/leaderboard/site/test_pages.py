@@ -17,8 +17,9 @@ from baselines.method import citation_of
 from baselines.training.learning_curve import LEARNING_CURVE
 from hydroviews.files.atomic import read_json, write_json
 from hydroviews.metrics import find_metrics
-from leaderboard.gather import collect
+from leaderboard.gather import PUBLICATION, collect
 from leaderboard.records import run_folder
+from leaderboard.site.contents import method_page
 from leaderboard.site.runs import page_name
 from leaderboard.site.write import PLOTTED, write_site
 from leaderboard.tables.dataframes import cost_means
@@ -90,66 +91,53 @@ def copied(written, tmp_path):
     return Path(shutil.copytree(written, tmp_path / "results"))
 
 
-def test_there_is_a_page_a_scene_and_a_run(written, pages):
+def test_there_is_a_page_per_method_scene_and_run(written, pages):
     table = collect(written)
     assert len(table) == 3 * 2 * 2 + 2 + 1
-    assert len(pages) == 1 + 2 + len(table)
+    assert len(pages) == 1 + 6 + 2 + len(table)
     assert {len(page.all("h1")) for page in pages.values()} == {1}
 
 
-def test_links_and_pictures_resolve_and_nothing_is_outside(written, pages):
-    for path, page in pages.items():
+@pytest.mark.parametrize("board", ["written", "shipped"])
+def test_links_and_pictures_resolve_and_nothing_is_outside(request, board):
+    results = request.getfixturevalue(board)
+    found = {path: Page(path) for path in sorted((results / "site").rglob("*.html"))}
+    theirs = {"https://example.org/a?b=1&c=2", *papers_and_code("3dgs", "3dgs-clean", "deraings", "nerf-w")}
+    for path, page in found.items():
         for tag, attributes in page.elements:
             for name in {"href", "src"} & set(attributes):
                 address = urlsplit(attributes[name])
                 if address.scheme == "https":
-                    theirs = "https://example.org/a?b=1&c=2"  # what Ada gave
-                    assert tag == "a"
-                    assert attributes[name] in {theirs, *papers_and_code("3dgs", "3dgs-clean", "deraings", "nerf-w")}
+                    assert (tag, attributes[name] in theirs) == ("a", True)
                 elif attributes[name] != "data:,":
                     assert (address.scheme, address.netloc) == ("", "")
                     target = (path.parent / unquote(address.path)).resolve() if address.path else path
-                    assert target.is_relative_to(written)
+                    assert target.is_relative_to(results)
                     assert target.exists(), attributes[name]
                     if address.fragment:
-                        ids = [other.get("id") for _, other in Page(target).elements]
-                        assert ids.count(address.fragment) == 1
+                        assert [a.get("id") for _, a in found[target].elements].count(address.fragment) == 1
     for asset in ("style.css", "script.js"):
-        assert "//" not in (written / "site" / asset).read_text().replace("// ", "")  # comments have a blank
+        assert "//" not in (results / "site" / asset).read_text().replace("// ", "")  # comments have a blank
 
 
 def test_runs_without_renders_have_pages_that_say_so(shipped):
     found = {path: Page(path) for path in sorted((shipped / "site").rglob("*.html"))}
-    assert len(found) == 1 + 2 + 15
+    assert len(found) == 1 + 6 + 2 + 15
     for path, page in found.items():
         assert page.all("img") == []
         assert not [a for a in page.all("form") if "viewer" in a["class"]]
-        for address in [a["href"] for a in page.all("a") if not a["href"].startswith(("#", "https:"))]:
-            assert (path.parent / unquote(urlsplit(address).path)).resolve().is_relative_to(shipped)
-            assert (path.parent / unquote(urlsplit(address).path)).exists()
-        if path.parent.name == "scenes":
-            assert "These runs have no pictures." in "".join(page.text)
+        assert ("These runs have no pictures." in "".join(page.text)) == (path.parent.name == "scenes")
     index = found[shipped / "site" / "index.html"]
     assert "A page of tables each." in "".join(index.text)
-    assert [a["class"] for a in index.all("ul")] == ["names"]
     run = next(page for path, page in found.items() if path.parent.name == "runs")
-    assert [a["href"].rpartition("/")[2] for a in run.all("li") + run.all("a") if "href" in a][-3:] == [
-        "learning_curve.csv",
-        "per_view.csv",
-        "record.json",
-    ]
+    files = [a["href"].rpartition("/")[2] for a in run.all("a")]
+    assert files[-3:] == ["learning_curve.csv", "per_view.csv", "record.json"]
 
 
-def test_the_course_of_a_training_is_drawn_where_it_is_known(written, copied):
-    run = run_folder(copied, "demo", "3dgs", "pond", "streak-1", 0, "given-poses")
-    page = copied / "site" / "runs" / page_name("demo", "3dgs", "pond", "streak-1", "0", "given-poses")
+def test_the_course_of_a_training_is_drawn(written):
+    page = written / "site" / "runs" / page_name("demo", "3dgs", "pond", "streak-1", "0", "given-poses")
     names = [drawing["aria-label"].partition(":")[0] for drawing in Page(page).all("svg")]
     assert names == ["loss over the seconds of training", "Gaussians over the seconds of training"]
-    (run / LEARNING_CURVE).write_text("step,seconds\nnot a number")
-    table = collect(copied)
-    write_site(table, copied, copied / "no data")
-    assert Page(page).all("svg") == []
-    assert "Learning curve" not in "".join(Page(page).text)
 
 
 def test_names_run_no_script(pages):
@@ -166,16 +154,6 @@ def test_names_run_no_script(pages):
     text = "".join(text for page in pages.values() for text in page.text)
     assert "onerror=alert(1)>" in text  # shown as it is
     assert "</td></script><script>alert(3)</script>" in text
-
-
-def test_a_link_that_is_no_address_is_none(copied):
-    """Records of before may hold one."""
-    folder = run_folder(copied, "demo", THEIRS_IN_RECORDS, "pond", "raindrop-0", 0, "given-poses")
-    write_json(folder / "record.json", read_json(folder / "record.json") | {"link": "https://[abc"})
-    write_site(collect(copied), copied, copied / "no data")
-    page = copied / "site" / "runs" / page_name("demo", THEIRS_IN_RECORDS, "pond", "raindrop-0", "0", "given-poses")
-    assert "Submitted by <b>Ada</b>" in "".join(Page(page).text)
-    assert "what they did" not in "".join(Page(page).text)
 
 
 def test_names_become_plain_file_names():
@@ -239,31 +217,65 @@ def test_there_is_a_table_per_rain_and_grade_with_every_method_that_has_runs(wri
                 assert shows(cells["Gain over 3dgs"], one.gain, lambda gain: f"{gain:+.2f}")  # no interval of one scene
                 assert shows(cells["Seconds"], one.seconds, cost_text)
                 assert cells["Scenes"][0] == "1 scene"
+                is_best = one.rank is not None and found.best["psnr"] == one.scores["psnr"]
+                assert ("best" in cells[metrics[0].title][1]["class"].split()) == is_best
 
 
-def test_the_index_names_the_papers_of_its_methods(written, pages):
-    _, *rows = tables_by_name(pages[written / "site" / "index.html"])["Names and papers"]
-    assert [row[0][0] for row in rows] == ["3dgs", "3dgs-clean", "deraings", "nerf-w"]
-    assert [text for text, _ in rows[0]] == [
-        "3dgs",
-        "3D Gaussian Splatting",
-        "3D Gaussian Splatting for Real-Time Radiance Field Rendering",
-        "2023",
-        "graphdeco-inria/gaussian-splatting",
-        "Gaussian-Splatting License (research and evaluation only)",
-    ]
-    addresses = {a["href"] for a in pages[written / "site" / "index.html"].all("a")}
-    assert papers_and_code("3dgs", "deraings", "nerf-w") <= addresses
+def page_of(pages: dict[Path, Page], method: str) -> Page:
+    return next(page for path, page in pages.items() if path.name == method_page(method))
 
 
-def test_the_best_values_are_marked_and_the_ceiling_is_not(written, pages):
-    [found] = [one for one in rankings(runs_of_suite(collect(written), "test")) if one.pattern == "streak-1"]
-    table = tables_by_name(pages[written / "site" / "index.html"])["Streak, medium, test suite, demo, given-poses"]
-    place = [text for text, _ in table[0]].index(find_metrics()[0].title)
-    marked = [row[1][0] for row in table[1:] if "best" in row[place][1]["class"].split()]
-    best = max((one for one in found.methods if one.rank), key=lambda one: one.scores["psnr"])
-    assert marked == [best.method]
-    assert table[1][1][0] == "3dgs-clean"
+def test_a_method_has_its_paper_authors_code_and_licence_on_a_page_that_the_ranking_leads_to(written, pages):
+    index, page = pages[written / "site" / "index.html"], page_of(pages, "3dgs")
+    address = f"methods/{method_page('3dgs')}"
+    assert [a["href"] for a in index.all("a")].count(address) == 2 * 2 + 1  # rankings, and the list of methods
+    cited, text = citation_of("3dgs"), "".join(page.text)
+    assert all(words in text for words in (cited.title, cited.paper, cited.authors, str(cited.year), cited.licence))
+    assert papers_and_code("3dgs") <= {a["href"] for a in page.all("a")}
+    assert "hydroviews eval 3dgs\n" in text
+    assert "With +enhance" not in text
+    theirs = "".join(page_of(pages, THEIRS).text)
+    assert "Submitted by <b>Ada</b>" in theirs
+    assert "hydroviews eval" not in theirs
+
+
+@pytest.mark.parametrize("method", ["3dgs-clean", "deraings"])
+def test_the_page_of_a_method_has_its_scores_by_rain_and_unfolds_them_by_scene(written, pages, method):
+    table, page, metrics = collect(written), page_of(pages, method), find_metrics()
+    tables = tables_by_name(page)
+    assert len(page.all("details")) == 2 * len(SCENE_OF)
+    for suite, scene in SCENE_OF.items():
+        for found in rankings(runs_of_suite(table, suite)):
+            one, title = next(one for one in found.methods if one.method == method), found.title.capitalize()
+            head, *rows = tables[f"Scores, {suite} scenes, demo, given-poses"]
+            [row] = [row for row in rows if row[0][0] == title]
+            scene_head, scene_row = tables[f"{title} by scene, {suite} scenes, demo, given-poses"]
+            assert scene_row[0][0] == scene
+            assert scene_row[[text for text, _ in scene_head].index("Seeds")][0] == "0"
+            for names, own in ((head, row), (scene_head, scene_row)):
+                cells = dict(zip([text for text, _ in names], own, strict=True))
+                assert all(shows(cells[metric.title], one.scores[metric.name], metric.text) for metric in metrics)
+                assert shows(cells["Gain over 3dgs"], one.gain, lambda gain: f"{gain:+.2f}")
+    paper = [found for found in page.tables if found[0][-1][0] == "PSNR (paper)"]
+    assert [found[1][-1][0] for found in paper] == (["27.41"] if method == "deraings" else [])
+
+
+def test_links_to_the_documentation_and_of_submitters_and_the_day_of_publication(copied):
+    theirs = run_folder(copied, "demo", THEIRS_IN_RECORDS, "pond", "raindrop-0", 0, "given-poses")
+    write_json(theirs / "record.json", read_json(theirs / "record.json") | {"link": "https://[abc"})  # of before
+    write_json(copied / PUBLICATION, {"date": "2026-01-02", "version": "1.0.0+abc"})
+    for docs, start in (("../../", "../../"), ("https://example.org/docs/", "https://example.org/docs/"), ("", None)):
+        write_site(collect(copied), copied, copied / "no data", docs)
+        index = Page(copied / "site" / "index.html")
+        assert "Published on 2026-01-02 with version 1.0.0+abc." in "".join(index.text)
+        found = {a["href"] for a in index.all("a") if a["href"].endswith("board.html#submit-renders")}
+        assert found == ({f"{start}leaderboard/board.html#submit-renders"} if docs else set())
+    write_site(collect(copied), copied, copied / "no data", "../../")
+    page = Page(copied / "site" / "methods" / method_page("3dgs"))
+    assert "../../../methods/index.html" in {a["href"] for a in page.all("a")}
+    names = ("demo", THEIRS_IN_RECORDS, "pond", "raindrop-0", "0", "given-poses")
+    text = "".join(Page(copied / "site" / "runs" / page_name(*names)).text)
+    assert "Submitted by <b>Ada</b>." in text  # without a link to what is no address
 
 
 def test_quality_is_drawn_against_every_cost_with_a_point_a_method(written, pages):
@@ -327,27 +339,22 @@ def test_pictures_are_written_once_and_what_is_gone_goes(copied):
     assert sorted(path.suffix for path in gone) == [".html", ".webp", ".webp", ".webp"]
 
 
-@pytest.mark.parametrize("removed", ["before", "while"])
-def test_a_run_that_is_removed_meanwhile_does_not_end_the_pages(copied, monkeypatch, removed):
-    table = collect(copied)
+def test_a_run_that_is_removed_meanwhile_does_not_end_the_pages(copied, monkeypatch):
+    table, is_file = collect(copied), Path.is_file
     folder = run_folder(copied, "demo", "3dgs", "pond", "streak-1", 0, "given-poses")
-    is_file = Path.is_file
 
     def removing(path):
         there = is_file(path)
         if path == folder / LEARNING_CURVE:
-            assert there
             shutil.rmtree(folder)
         return there
 
-    if removed == "before":
-        shutil.rmtree(folder)
-    else:
-        monkeypatch.setattr(Path, "is_file", removing)
+    monkeypatch.setattr(Path, "is_file", removing)
     write_site(table, copied, copied / "no data")
     assert not folder.exists()
-    page = copied / "site" / "runs" / page_name("demo", "3dgs", "pond", "streak-1", "0", "given-poses")
-    assert Page(page).all("svg") == []
+    page = Page(copied / "site" / "runs" / page_name("demo", "3dgs", "pond", "streak-1", "0", "given-poses"))
+    assert page.all("svg") == []
+    assert "Learning curve" not in "".join(page.text)
 
 
 def test_a_render_that_is_no_picture_is_left_out_with_a_warning(copied, caplog):
