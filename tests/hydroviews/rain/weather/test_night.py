@@ -64,15 +64,6 @@ def test_lit_air_against_the_integral_along_the_ray(ahead):
             )
 
 
-def test_rays_pass_through_what_a_camera_projects(yard):
-    camera = yard.views[2].camera
-    ways = lamps.rays(camera)
-    pixels, depth = camera.project(camera.centre + 3.0 * ways.reshape(-1, 3))
-    assert (depth > 0).all()
-    y, x = np.mgrid[0 : camera.height, 0 : camera.width] + 0.5
-    assert np.allclose(pixels, np.stack([x, y], axis=-1).reshape(-1, 2))
-
-
 def test_a_lamp_has_its_place_in_the_world(yard, ahead):
     """Every camera sees it where it hangs, and the wall behind it is lit around that place."""
     picture = np.full((30, 40, 3), 0.5, np.float32)
@@ -124,15 +115,6 @@ def test_the_equation_of_the_night(yard, ahead):
     added = np.stack([layers[c] for c in "RGB"], axis=-1)
     expected = dark + layers["E"][..., None] * np.array(evening.colour) * light + added
     assert np.abs(night - to_srgb(expected)).max() < 1e-5
-
-
-def test_by_day_lamps_do_nothing(yard, ahead):
-    picture = np.random.default_rng(0).random((30, 40, 3)).astype(np.float32)
-    picture[5, 5] = 1
-    wall(ahead, 2.5)
-    day, layers = lit(replace(EVENING, ambient=replace(EVENING.ambient, stops=0.0)), picture, ahead, yard)
-    assert not any(plane.any() for plane in layers.values())
-    assert np.abs(day - picture).max() < 1e-6
 
 
 @pytest.mark.parametrize("index", [0, 1, 2])

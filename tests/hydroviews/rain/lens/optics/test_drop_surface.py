@@ -12,11 +12,6 @@ def volume(patch: Patch, height: np.ndarray) -> float:
     return float((triangle_areas(patch.vertices, patch.triangles) * height[patch.triangles].mean(axis=1)).sum())
 
 
-def area(rim: np.ndarray) -> float:
-    x, y = rim.T
-    return 0.5 * abs((x * np.roll(y, -1) - y * np.roll(x, -1)).sum())
-
-
 @pytest.mark.parametrize("degrees", [10, 45, 80])
 def test_a_round_drop_without_gravity_is_a_spherical_cap(degrees):
     angle = np.radians(degrees)
@@ -71,19 +66,6 @@ def test_steep_drops_are_finite_and_their_triangles_keep_their_side():
         assert np.all(triangle_areas(patch.vertices, patch.triangles) > 0)
         assert np.all(height[patch.rim] == 0)
         assert np.all(height[~patch.rim] > 0)
-
-
-def test_drops_do_not_feel_each_other():
-    alone = water_surface([drop_patch(MERGED, 0.7, 48, 12)], 1.0)[1][0]
-    among = water_surface([drop_patch(o, 0.7, 48, 12) for o in (ROUND, MERGED, ROUND)], 1.0)[1][1]
-    np.testing.assert_allclose(among, alone, rtol=1e-9)
-    assert water_surface([], 1.0) == ([], [])
-
-
-def test_outlines_keep_their_area_when_gravity_stretches_them():
-    stretched = rim_of(Outline(((0.0, 0.0, 1.0),), stretch=1.35), 400)
-    assert area(stretched) == pytest.approx(np.pi, rel=0.05)
-    assert np.ptp(stretched[:, 1]) > 1.2 * np.ptp(stretched[:, 0])
 
 
 def test_disks_grow_together_over_a_neck():

@@ -20,8 +20,9 @@ def test_mist_is_smooth_and_within_its_level(seed):
 
 
 def test_level_scales_the_same_form():
-    strong, weak = (mist_veil(replace(PATTERN, mist=level), 64, 48, 0.0) for level in (0.8, 0.2))
+    strong, weak, none = (mist_veil(replace(PATTERN, mist=level), 64, 48, 0.0) for level in (0.8, 0.2, 0.0))
     np.testing.assert_allclose(strong, 4 * weak, rtol=1e-5)
+    assert not none.any()
 
 
 def test_the_form_does_not_depend_on_the_size_of_the_picture():
@@ -51,7 +52,3 @@ def test_any_size_of_picture(size):
     veil = mist_veil(PATTERN, *size, 0.5)
     assert veil.shape == size[::-1]
     assert np.all((veil >= 0) & (veil <= 0.5))
-
-
-def test_no_mist():
-    assert not mist_veil(replace(PATTERN, mist=0.0), 20, 10, 0.0).any()
