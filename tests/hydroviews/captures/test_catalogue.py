@@ -75,10 +75,6 @@ def test_the_papers_suite_is_the_papers_table():
     assert suite.patterns == (0, 1, 2)
 
 
-def test_there_are_suites():
-    assert {"demo", "paper"} <= set(known_suites())
-
-
 @pytest.mark.parametrize("name", known_suites())
 def test_suites_name_known_captures(name):
     for scene in read_suite(name).scenes:

@@ -64,10 +64,6 @@ def test_forward_motion_keeps_the_middle_of_the_picture():
     assert len(kept_of(away)) == 400
 
 
-def test_pairs_without_matches_stay_without():
-    assert kept_of(np.zeros((0, 2))).tolist() == []
-
-
 @pytest.fixture
 def ring():
     """Twenty-four views around a thing: each shares features with five on either side, and all have drops in place."""
@@ -141,14 +137,6 @@ def test_a_pair_whose_features_others_do_not_have_is_found():
     for (i, j), own in matches.items():
         matches[i, j] = own[40:] if (i, j) == (0, 4) else own[:40]
     assert unconfirmed(views, matches, RADIUS) == {(0, 4)}
-
-
-def test_few_views_that_share_a_third_of_their_features_are_kept():
-    """Three views, each pair with sixty matches, of which twenty are of all three."""
-    views, matches = tracks(140, 3)
-    shared = {(0, 1): slice(0, 60), (1, 2): slice(40, 100), (0, 2): np.r_[40:60, 100:140]}
-    matches = {pair: own[shared[pair]] for pair, own in matches.items()}
-    assert unconfirmed(views, matches, RADIUS) == set()
 
 
 def test_partners_in_nearly_one_place_agree():

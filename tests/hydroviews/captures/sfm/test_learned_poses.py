@@ -83,17 +83,6 @@ def test_learned_features_that_were_asked_for_are_not_replaced(no_index, tmp_pat
     assert not (tmp_path / "out").exists()
 
 
-def test_a_folder_of_an_earlier_version_goes_on_with_sift(tmp_path):
-    folder, out = noise(tmp_path / "noise"), tmp_path / "out"
-    with pytest.raises(InputError, match="could be registered"):
-        estimate_poses(folder, out, rainy=True, features="sift")
-    settings = json.loads((out / "poses.json").read_text())
-    del settings["features"]
-    (out / "poses.json").write_text(json.dumps(settings))
-    with pytest.raises(InputError, match="could be registered"):
-        estimate_poses(folder, out, rainy=True)
-
-
 def matched(walk, features, database):
     """Verified matches of all pairs of the walk."""
     folder, names = walk
