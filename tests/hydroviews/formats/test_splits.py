@@ -4,10 +4,8 @@ import json
 import shutil
 
 import pytest
-from in_the_way import KINDS, not_for_ever, swap
 from painted_room import scene_in_room, write_room
 
-from hydroviews.errors import InputError
 from hydroviews.formats.read import has_cameras, read_scene
 
 NAMES = [f"view-{i:02d}" for i in range(9)]
@@ -102,14 +100,3 @@ def test_a_file_for_each_part(nerfstudio):
     said = "split of transforms_train.json, transforms_val.json, transforms_test.json: 6 views to train on, 2 held out"
     assert f"{said}; 1 in neither left out" in scene.notes
     assert scene.views[0].camera.fx == pytest.approx(0.8 * 96, rel=1e-3)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("name", ["train_list.txt", "room.tsv", "split.json", "capture.json"])
-def test_what_is_no_file_is_named(capture, name, kind):
-    with_lists(capture)
-    if name == "room.tsv":
-        (capture / "train_list.txt").unlink()
-    swap(capture / name, kind)
-    with not_for_ever(), pytest.raises(InputError, match=rf"{name}: not a file\n  found: a {kind}"):
-        read_scene(capture)

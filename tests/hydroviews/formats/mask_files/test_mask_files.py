@@ -60,6 +60,7 @@ def hidden_shares(scene):
         "dynamic_masks/{}.png",
         "segmentation/{}.png",
         "images/{}_mask.png",
+        "masks/mask.png",  # one for all
     ],
 )
 def test_masks_of_other_names_hide_the_same(capture, caplog, name):
@@ -78,11 +79,6 @@ def test_white_is_hidden_in_dynamic_masks(capture):
     assert len(photographs_below(capture / "images")) == 9
 
 
-def test_one_mask_for_all(capture):
-    write_masks(capture, "masks/mask.png")
-    assert np.allclose(hidden_shares(read_scene(capture)), HIDDEN.mean())
-
-
 def test_masks_for_some_name_the_others(capture, caplog):
     write_masks(capture, "masks/{}.jpg.png", count=2)
     write_masks(capture, "masks/{}_mask.png", count=4)
@@ -94,25 +90,26 @@ def test_masks_for_some_name_the_others(capture, caplog):
     assert warnings(caplog) == []
 
 
-def test_masks_that_fit_no_photograph_are_warned_of(capture, caplog):
-    write_masks(capture, "masks/{}.jpg.png", count=7)
-    write_masks(capture, "masks/other-{}.png", count=2)
-    read_scene(capture)
-    (said,) = warnings(caplog)
-    assert said.startswith("2 masks fit no photograph and hide nothing (other-view-00.png, other-view-01.png)")
-
-
-def test_masks_of_which_none_fits_are_warned_of(capture, caplog):
-    write_masks(capture, "masks/IMG_{}.png")
+@pytest.mark.parametrize(
+    ("files", "pixels", "message"),
+    [
+        (
+            {"{}.jpg": 7, "other-{}": 2},
+            GREY,
+            "2 masks fit no photograph and hide nothing (other-view-00.png, ",
+        ),
+        ({"IMG_{}": 9}, GREY, "none is named as it should be, such as view-00.jpg.png"),
+        ({"{}": 9}, np.full_like(GREY, 255), "9 masks hide nothing"),
+    ],
+    ids=["some fit", "none fits", "all white"],
+)
+def test_masks_that_hide_nothing_are_warned_of(capture, caplog, files, pixels, message):
+    for name, count in files.items():
+        write_masks(capture, f"masks/{name}.png", pixels, count)
     scene = read_scene(capture)
-    assert "none is named as it should be, such as view-00.jpg.png" in " ".join(warnings(caplog))
-    assert "none is named as it should be" in " ".join(scene.notes)
-
-
-def test_masks_that_hide_nothing_are_warned_of(capture, caplog):
-    write_masks(capture, "masks/{}.png", np.full_like(GREY, 255))
-    assert "masks hide 0.0% of the pixels" in read_scene(capture).notes
-    assert "9 masks hide nothing" in " ".join(warnings(caplog))
+    (said,) = warnings(caplog)
+    assert message in said
+    assert ("masks hide 0.0% of the pixels" in scene.notes) == (message == "9 masks hide nothing")
 
 
 def with_alpha(colour):
