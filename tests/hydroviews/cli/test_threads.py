@@ -4,7 +4,7 @@ import time
 import pytest
 
 from hydroviews.cli import threads
-from hydroviews.cli.threads import processors, side_by_side
+from hydroviews.cli.threads import side_by_side
 
 
 @pytest.fixture(autouse=True)
@@ -54,7 +54,3 @@ def test_one_processor_works_on_one_at_a_time(monkeypatch):
     names = set()
     assert list(side_by_side(lambda item: names.add(threading.current_thread().name) or item, range(5))) == [*range(5)]
     assert len(names) == 1
-
-
-def test_there_is_a_processor():
-    assert processors() >= 1

@@ -31,12 +31,10 @@ def test_other_settings_are_refused_with_what_differs(tmp_path):
 
 
 def test_overwriting_empties_the_folder_after_it_is_forgotten(tmp_path):
-    path, seen = tmp_path / "a" / "request.json", []
+    path, result, seen = tmp_path / "a" / "request.json", tmp_path / "a" / "result", []
     claim_folder(path, {"seed": 0}, **WORDS)
-    write_bytes(tmp_path / "a" / "result", b"old")
-    claim_folder(
-        path, {"seed": 1}, **WORDS, overwrite=True, forget=lambda: seen.append((tmp_path / "a" / "result").exists())
-    )
+    write_bytes(result, b"old")
+    claim_folder(path, {"seed": 1}, **WORDS, overwrite=True, forget=lambda: seen.append(result.exists()))
     assert seen == [True]
     assert visible(tmp_path / "a") == ["request.json"]
     assert read_json(path) == {"seed": 1}
@@ -70,12 +68,6 @@ def test_files_of_unknown_origin_are_never_removed(tmp_path, overwrite):
         claim_folder(tmp_path / "request.json", {"seed": 0}, **WORDS, overwrite=overwrite)
     assert (tmp_path / "thesis.txt").read_text() == "years of work"
     claim_folder(tmp_path / "request.json", {"seed": 0}, **{**WORDS, "foreign": None})
-
-
-def test_hidden_files_are_no_foreign_ones(tmp_path):
-    (tmp_path / ".DS_Store").write_text("of a file manager")
-    claim_folder(tmp_path / "request.json", {"seed": 0}, **WORDS)
-    assert read_json(tmp_path / "request.json") == {"seed": 0}
 
 
 def test_a_claim_clears_leftovers(tmp_path):

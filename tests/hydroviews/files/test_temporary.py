@@ -30,13 +30,6 @@ def test_leftovers_are_removed_and_all_else_stays(tmp_path):
     assert {path for path in tmp_path.rglob("*") if path.name != "file"} == {folder, folder / "images", *kept}
 
 
-def test_a_files_leftovers_go_too(tmp_path):
-    for name in ("manifest.json", "another.json"):
-        (tmp_path / f".partial-host-0123-{name}").write_text("{")
-    remove_leftovers(tmp_path / "manifest.json")
-    assert [path.name for path in tmp_path.iterdir()] == [".partial-host-0123-another.json"]
-
-
 def test_leftovers_in_a_folder_go_and_those_below_it_stay(tmp_path):
     for folder in (tmp_path, tmp_path / "run"):
         folder.mkdir(exist_ok=True)
@@ -45,14 +38,6 @@ def test_leftovers_in_a_folder_go_and_those_below_it_stay(tmp_path):
     remove_leftovers_in(tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == [".lock-a.csv", "a.csv", "run"]
     assert len(list((tmp_path / "run").iterdir())) == 4
-
-
-def test_a_leftover_of_a_reused_process_number_is_removed(tmp_path):
-    """Some other process has the number by now, or had it in another container all along."""
-    leftover = tmp_path / f".partial-{os.getpid()}-a.json"
-    leftover.write_text("{")
-    remove_leftovers(tmp_path)
-    assert not leftover.exists()
 
 
 WRITER = """

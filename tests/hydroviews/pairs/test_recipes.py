@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from wet import HEIGHT, WIDTH, photograph
 
-from hydroviews.pairs.camera import compressed, noisy
-from hydroviews.pairs.recipes.compositing import ENCODED, LINEAR, Space, draw_space, put_over
+from hydroviews.pairs.camera import noisy
+from hydroviews.pairs.recipes.compositing import ENCODED, LINEAR, Space, put_over
 from hydroviews.pairs.recipes.lines import draw_lines
-from hydroviews.pairs.recipes.mist import THICKEST, draw_light, draw_thick_level, draw_wiped
+from hydroviews.pairs.recipes.mist import draw_wiped
 from hydroviews.pairs.recipes.panes import Pane, draw_mist, draw_pane
 from hydroviews.scene.images import to_linear, to_srgb
 from hydroviews.scene.seeds import generator
@@ -32,14 +32,6 @@ def test_mist_is_mixed_in_any_space(space):
     assert not Pane(0 * veil, LIGHT, space).mist().any()
 
 
-def test_spaces_are_linear_encoded_and_between():
-    drawn = [draw_space(generator(seed)) for seed in range(60)]
-    assert {LINEAR, ENCODED} < set(drawn)
-    between = [space.gamma for space in drawn if not space.linear and space != ENCODED]
-    assert 1 < min(between) < 1.4
-    assert 2 < max(between) <= 2.4
-
-
 def test_a_screen_only_brightens():
     light = np.full_like(PICTURE, 0.4)
     seen = put_over(PICTURE, light[..., :1], light, True)
@@ -49,24 +41,14 @@ def test_a_screen_only_brightens():
 
 def test_mist_is_as_thick_as_asked_for_and_of_many_forms():
     panes = [draw_mist(generator(seed), 96, 64, 0.8) for seed in range(40)]
-    veils = [pane.veil for pane in panes]
-    assert all(0 <= veil.min() <= veil.max() <= 0.8 + 1e-6 for veil in veils)
-    free = [float((veil < 0.02).mean()) for veil in veils]
+    assert all(0 <= pane.veil.min() <= pane.veil.max() <= 0.8 + 1e-6 for pane in panes)
+    free = [float((pane.veil < 0.02).mean()) for pane in panes]
     assert min(free) == 0
     assert max(free) > 0.5  # steep mist is absent from most of a picture
-    spread = [float(veil.std()) for veil in veils]
+    spread = [float(pane.veil.std()) for pane in panes]
     assert min(spread) < 0.1
     assert max(spread) > 0.25
     assert {pane.blur > 0 for pane in panes} == {True, False}
-    levels = [draw_thick_level(generator(seed)) for seed in range(60)]
-    assert 0.1 <= min(levels) < 0.3
-    assert 0.8 < max(levels) <= THICKEST
-    lights = np.stack([draw_light(generator(seed)) for seed in range(60)])
-    casts = lights.max(axis=1) / lights.min(axis=1)
-    assert casts.min() < 1.03
-    assert casts.max() > 1.15
-    assert lights.min() < 0.55
-    assert lights.max() > 0.95
 
 
 def test_larger_drops_wipe_mist_and_small_ones_do_not():
@@ -131,23 +113,6 @@ def test_between_streaks_there_is_only_their_veil():
         nothing = np.zeros((64, 96), np.float32)
         seen = fall.over(PICTURE, nothing)
         assert (float(np.abs(seen - PICTURE).max()) > 1e-3) == (fall.veil > 2e-3)
-
-
-def test_streaks_lean_all_ways():
-    """The direction in which a layer changes least, from its structure tensor."""
-    leans = []
-    for seed in range(30):
-        layer = draw_lines(generator(seed, "lines"), 96, 64).layers[0].astype(np.float64)
-        down, across = np.gradient(layer)
-        leans.append(np.rad2deg(0.5 * np.arctan2(2 * (down * across).mean(), (across**2 - down**2).mean())))
-    assert min(leans) < -12
-    assert max(leans) > 12
-    assert np.median(np.abs(leans)) < 35
-
-
-def test_stored_pictures_lose_a_little():
-    errors = [float(np.abs(compressed(PICTURE, quality) - PICTURE).mean()) for quality in (95, 60)]
-    assert 0 < errors[0] < errors[1] < 0.05
 
 
 def test_noise_of_a_sensor_is_as_strong_as_asked_for():

@@ -9,7 +9,6 @@ import pytest
 import tifffile
 from synthetic import capture_in
 
-from deraings.reconstruct import require_photographs
 from hydroviews.dataset.build import build
 from hydroviews.errors import InputError
 from hydroviews.formats.read import read_scene
@@ -126,14 +125,6 @@ def test_rubbish_before_the_end_is_damage(tmp_path):
     rubbish = np.random.default_rng(0).integers(1, 200, 40).astype(np.uint8).tobytes()
     with pytest.raises(InputError, match="a damaged JPEG"):
         require_whole([write(tmp_path / "a.jpg", content[:-2] + rubbish + content[-2:])], "")
-
-
-def test_a_reconstruction_names_the_damaged_photograph(tmp_path):
-    content = jpeg(PLAIN)
-    sector_of_zeros(content)
-    path = write(tmp_path / "IMG_1.JPG", content.tobytes())
-    with pytest.raises(InputError, match=rf"{path}: a damaged JPEG\n"):
-        require_photographs(tmp_path)
 
 
 def write(path, content):
