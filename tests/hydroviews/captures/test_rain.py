@@ -141,11 +141,6 @@ def test_features_of_enhanced_photographs_come_beside_the_photographs_own(walk, 
     assert len(read_features(tmp_path / "both.db", names)[0]) == len(both[0])
 
 
-def test_enhanced_pictures_need_rain(walk, tmp_path):
-    with pytest.raises(ValueError, match="only where it is rainy"):
-        estimate_poses(walk[0], tmp_path / "out", enhance=lambda image: image)
-
-
 def test_rainy_photographs_with_enhanced_ones_get_cameras(walk, tmp_path):
     calls = []
 

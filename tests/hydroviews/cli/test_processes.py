@@ -15,7 +15,7 @@ from hydroviews.cli import commands
 from hydroviews.cli.commands import run_command
 from hydroviews.cli.plugins import load_plugin
 from hydroviews.cli.process_family import Family
-from hydroviews.cli.processes import Ended, run_child
+from hydroviews.cli.processes import Ended
 from hydroviews.cli.starting import SPINS
 
 REPOSITORY = Path(__file__).parents[3]
@@ -167,11 +167,6 @@ def test_a_family_in_a_family_is_ended_with_it(monkeypatch):
     inner = Family()
     assert inner.mark.startswith(f"{outer.mark}/")
     assert not Family().mark.startswith(inner.mark)
-
-
-def test_a_child_has_nothing_to_read_and_its_status_is_given_back():
-    code = "import sys; sys.exit(7 if sys.stdin.read() == '' else 0)"
-    assert run_child([sys.executable, "-c", code], subprocess.Popen.kill) == 7
 
 
 def test_a_worker_that_is_ended_prints_no_stack_trace():

@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 import pycolmap
 import pytest
+from damage import contents
 from synthetic import capture_in
 
 from hydroviews.dataset import build as build_module
 from hydroviews.dataset.build import build
 from hydroviews.dataset.checks.verify import verify
 from hydroviews.dataset.drawing_code import drawing_code
-from hydroviews.dataset.manifest import data_hash, read_manifest, scene_files
+from hydroviews.dataset.manifest import data_hash, read_manifest
 from hydroviews.dataset.rainy_variant import FOCAL_STEP
 from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.errors import InputError
@@ -36,10 +37,6 @@ STREAK = Pattern("streak", 0)
 @pytest.fixture
 def scene(tmp_path):
     return capture_in(tmp_path / "capture" / "yard")
-
-
-def contents(folder: Path) -> dict[str, bytes]:
-    return {str(p.relative_to(folder)): p.read_bytes() for p in scene_files(folder)}
 
 
 def test_a_build_holds_what_the_layout_promises(scene, tmp_path):
@@ -226,25 +223,12 @@ def test_an_effect_of_ones_own_that_changed_is_another_generator(scene, tmp_path
     assert verify(tmp_path / "data") == []
 
 
-@pytest.mark.parametrize("name", ["rain-0", "streak", "streak-x", "streak--1", ""])
-def test_unknown_patterns_are_refused(name):
-    with pytest.raises(InputError, match="no such rain pattern"):
-        choose_patterns([name], (1,))
-
-
 def test_a_capture_is_never_built_over(scene, tmp_path):
     before = contents(scene.views[0].path.parents[1])
     for overwrite in (False, True):
         with pytest.raises(InputError, match="the capture itself would be overwritten"):
             build(scene, tmp_path / "capture", patterns=[STREAK], overwrite=overwrite)
     assert contents(scene.views[0].path.parents[1]) == before
-
-
-def test_files_of_unknown_origin_are_not_taken_for_finished(scene, tmp_path):
-    folder = build(scene, tmp_path / "data", patterns=[STREAK], seed=0)
-    (folder / "request.json").unlink()
-    with pytest.raises(InputError, match="files that no build wrote"):
-        build(scene, tmp_path / "data", patterns=[STREAK], seed=5)
 
 
 def test_another_photograph_of_the_same_size_is_another_request(scene, tmp_path):

@@ -7,7 +7,6 @@ from synthetic import capture_in
 
 from hydroviews.dataset.build import build
 from hydroviews.dataset.card.card import Licence, find_licence, keep_licence
-from hydroviews.dataset.card.markdown import describe_rain
 from hydroviews.dataset.checks.verify import verify
 from hydroviews.dataset.manifest import built_scenes
 from hydroviews.dataset.statistics import read_statistics
@@ -79,10 +78,3 @@ def test_scenes_are_found_by_data_folder_and_by_their_own(finished, place, scene
     assert built_scenes(data) == built_scenes(data / "yard") == built_scenes(data, "yard") == [data / "yard"]
     with pytest.raises(InputError, match="no finished scene"):
         built_scenes(finished / place, scene)
-
-
-def test_words():
-    assert describe_rain("raindrop", {"coverage": 0.12, "droplets": 300, "seed": 1}) == (
-        "large drops over 12% of the picture, 300 droplets between them"
-    )
-    assert "pattern.json" in describe_rain("hail", {"stones": 3})

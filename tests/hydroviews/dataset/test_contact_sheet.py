@@ -5,11 +5,11 @@ from commands import command
 from hydroviews.dataset.card.contact_sheet import write_sheets
 from hydroviews.dataset.checks.verify import verify
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import read_json, write_bytes, write_json
+from hydroviews.files.atomic import read_json, write_json
 from hydroviews.rain.layers import write_layers
 from hydroviews.rain.registry import find_effect
 from hydroviews.scene.images import read_image, to_srgb, to_uint8
-from hydroviews.scene.picture_grid import GAP, MARGIN, PAPER, Row, Tile, draw_sheet, write
+from hydroviews.scene.picture_grid import PAPER, write
 
 
 def test_sheets_show_the_views_and_leave_the_scene_as_it_was(built):
@@ -64,13 +64,6 @@ def test_sheets_have_some_columns_and_not_too_many(built, columns):
         write_sheets(built, columns=columns)
 
 
-def test_statistics_that_lack_a_view_are_told(built):
-    path = built / "streak-1" / "statistics.csv"
-    write_bytes(path, b"".join(path.read_bytes().splitlines(keepends=True)[:3]))
-    with pytest.raises(InputError, match=r"statistics\.csv: no row for view-03\n.*2 rows"):
-        write_sheets(built)
-
-
 def test_the_command(built):
     line = ["hydroviews", "sheet", str(built.parent), "--views", "2"]
     done = command(*line)
@@ -79,17 +72,6 @@ def test_the_command(built):
     wrong = command(*line, "--scene", "other")
     assert wrong.returncode == 2
     assert "no finished scene other" in wrong.stderr
-
-
-def test_tiles_are_shrunk_not_enlarged_and_the_sheet_keeps_its_width():
-    large, small = np.full((300, 900, 3), 0.5), np.zeros((30, 40, 3))
-    sheet = draw_sheet("title", "remark", [Row("a", "", [Tile(large, "one")] * 3), Row("b", "", [Tile(small)])], 1000)
-    assert sheet.shape[1] <= 1000
-    grey = (sheet == 128).all(-1).sum(axis=1)
-    side = (1000 - 2 * MARGIN + GAP) // 3 - GAP
-    assert grey.max() == 3 * side
-    assert (sheet == 0).all(-1).sum() >= 30 * 40
-    assert draw_sheet("t", "", [Row("b", "", [Tile(small)])], 1000).shape[1] == 40 + 2 * MARGIN
 
 
 def test_letters_lose_their_marks_and_others_are_question_marks():

@@ -166,12 +166,6 @@ def test_own_captures_by_path_or_by_name_in_the_folder(root, tmp_path):
     assert find("./garden", root).name == "garden"
 
 
-def test_a_wrong_pattern_is_told_before_anything_is_rendered(tmp_path):
-    with pytest.raises(InputError, match="PATTERNS=streak: no such rain pattern"):
-        build_source("courtyard", tmp_path / "data", find_profile("demo"), patterns=["streak"])
-    assert not (tmp_path / "data").exists()
-
-
 def test_a_scene_captured_in_rain_gets_none(tmp_path):
     root = tmp_path / "root"
     published(root / "waterdrops" / "church", {"images": SIZES["images"]})

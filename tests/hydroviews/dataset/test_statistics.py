@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from hydroviews import metrics
-from hydroviews.dataset.statistics import measure_view, read_statistics, summarise, write_statistics
+from hydroviews.dataset.statistics import measure_view, read_statistics, write_statistics
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_bytes, write_json
 from hydroviews.rain.layers import read_layers, write_layers
-from hydroviews.rain.streaks.measures import mean_angle, seed_density, streak_angle
+from hydroviews.rain.streaks.measures import seed_density, streak_angle
 from hydroviews.rain.streaks.recipe import StreakPattern, composite, streak_layer
 from hydroviews.scene.images import read_image, to_linear, write_png
 
@@ -85,14 +85,6 @@ def test_the_scene_has_a_row_a_variant(built):
     assert row.psnr_mean == pytest.approx(views.psnr.mean(), abs=1e-5)
 
 
-def test_directions_of_179_and_1_degrees_lie_beside_each_other(built):
-    path = write_statistics(built, "streak-1")
-    read_statistics(path).assign(angle=[179.0, 1.0, 0.0]).to_csv(path, index=False)
-    row = summarise(built).iloc[0]
-    assert row.angle_max - row.angle_min == pytest.approx(2)
-    assert (row.angle_mean + 90) % 180 == pytest.approx(90, abs=0.1)
-
-
 def test_a_missing_layer_and_another_size_are_told(built):
     (built / "streak-1" / "layers" / "001.exr").unlink()
     with pytest.raises(InputError, match=r"001\.exr: no such layer"):
@@ -138,17 +130,3 @@ def test_measured_density_is_what_was_asked_for(n):
         measured.append(seed_density(layer, pattern))
     assert np.mean(measured) == pytest.approx(n / 25600, rel=0.03)
     assert np.abs(np.array(measured) * 25600 / n - 1).max() < 0.15
-
-
-def test_directions_of_pictures_that_are_known():
-    y, x = np.mgrid[:64, :96].astype(np.float32)
-    for angle in (0, 30, 90, 150, 179):
-        across = np.radians(angle)
-        stripes = np.sin(0.4 * (x * np.sin(across) + y * np.cos(across)))
-        measured = streak_angle(stripes.astype(np.float32))
-        assert measured is not None
-        assert abs((measured - angle + 90) % 180 - 90) < 0.5
-    assert streak_angle(np.ones((64, 64), np.float32)) is None
-    assert streak_angle(np.ones((3, 64), np.float32)) is None
-    assert mean_angle(np.array([178.0, 4.0])) == pytest.approx(1)
-    assert np.isnan(mean_angle(np.array([])))

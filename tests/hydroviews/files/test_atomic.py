@@ -4,7 +4,7 @@ import os
 import pytest
 
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import listing, read_json, replacing, write_json
+from hydroviews.files.atomic import read_json, replacing, write_json
 from hydroviews.files.ownership import FILES
 
 
@@ -67,10 +67,3 @@ def test_odd_json_is_told(tmp_path, text):
     (tmp_path / "odd.json").write_bytes(text.encode("latin-1"))
     with pytest.raises(InputError, match=r"odd\.json: not valid JSON"):
         read_json(tmp_path / "odd.json")
-
-
-def test_a_listing_does_not_depend_on_the_order_of_files(tmp_path):
-    files = [tmp_path / name for name in "abc"]
-    for size, file in enumerate(files):
-        file.write_bytes(b"x" * size)
-    assert listing(files) == listing(reversed(files))

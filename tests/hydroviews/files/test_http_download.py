@@ -44,18 +44,25 @@ def test_a_file_arrives_with_its_checksum(server, tmp_path):
     assert leftovers(tmp_path / "deep") == ["a.bin"]
 
 
-@pytest.mark.parametrize("tag", ['"one"', 'W/"one"'])
-def test_a_cut_connection_is_taken_up_again(server, tmp_path, tag):
-    server.cut_after, server.tag = [1_200_000, 500_000], tag
-    fetch([f"{server.address}/a.bin"], tmp_path / "a.bin")
-    assert (tmp_path / "a.bin").read_bytes() == CONTENT
-    assert [ask[1] for ask in server.asked] == [None, "bytes=1200000-", "bytes=1700000-"]
+OFTEN = 2 * http_download.ATTEMPTS
+TWICE = {"cut_after": [1_200_000, 500_000]}
 
 
-def test_a_connection_may_break_many_times_as_long_as_data_arrive(server, tmp_path):
-    server.cut_after = [100_000] * (2 * http_download.ATTEMPTS)
+@pytest.mark.parametrize(
+    ("failings", "asked"),
+    [
+        (TWICE, [None, "bytes=1200000-", "bytes=1700000-"]),
+        ({**TWICE, "tag": 'W/"one"'}, [None, "bytes=1200000-", "bytes=1700000-"]),
+        ({"cut_after": [100_000] * OFTEN}, [None, *(f"bytes={100_000 * i}-" for i in range(1, OFTEN + 1))]),
+        ({"cut_after": [2_000_000], "ranges": False}, [None, "bytes=2000000-"]),
+    ],
+    ids=["twice", "a weak tag", "often", "no ranges"],
+)
+def test_a_cut_connection_is_taken_up_again(server, tmp_path, failings, asked):
+    vars(server).update(failings, cut_after=[*failings["cut_after"]])
     fetch([f"{server.address}/a.bin"], tmp_path / "a.bin")
     assert (tmp_path / "a.bin").read_bytes() == CONTENT
+    assert [ask[1] for ask in server.asked] == asked
 
 
 @pytest.fixture
@@ -95,13 +102,6 @@ def test_a_file_that_changed_in_between_is_fetched_anew(server, broken_off, tmp_
     server.files["/a.bin"], server.tag = content, after
     fetch([url], tmp_path / "a.bin")
     assert (tmp_path / "a.bin").read_bytes() == content
-
-
-def test_a_server_without_ranges_sends_all_of_it_again(server, tmp_path):
-    server.ranges, server.cut_after = False, [2_000_000]
-    fetch([f"{server.address}/a.bin"], tmp_path / "a.bin")
-    assert (tmp_path / "a.bin").read_bytes() == CONTENT
-    assert len(server.asked) == 2
 
 
 def test_a_part_longer_than_the_file_is_dropped(server, tmp_path):

@@ -6,9 +6,8 @@ from pathlib import Path
 import pytest
 from processes import PATIENCE
 
-from hydroviews.files.atomic import replacing
 from hydroviews.files.locks import locked_if_free
-from hydroviews.files.temporary import remove_leftovers, remove_leftovers_in, remove_tree, temporary_beside
+from hydroviews.files.temporary import remove_leftovers, remove_leftovers_in
 
 
 def test_leftovers_are_removed_and_all_else_stays(tmp_path):
@@ -100,15 +99,3 @@ def test_a_folder_that_another_process_removes_meanwhile_is_passed_over(tmp_path
     remove_leftovers(tmp_path)
     assert not gone.exists()
     assert not leftover.exists()
-
-
-def test_trees_and_temporary_folders_leave_no_trace(tmp_path):
-    with replacing(tmp_path / "a" / "file") as temporary:
-        temporary.write_text("whole")
-    with pytest.raises(RuntimeError), temporary_beside(tmp_path / "a") as folder:
-        (folder / "deep").mkdir(parents=True)
-        raise RuntimeError
-    assert [path.name for path in tmp_path.iterdir()] == ["a"]
-    remove_tree(tmp_path / "a")
-    remove_tree(tmp_path / "a")
-    assert not list(tmp_path.iterdir())

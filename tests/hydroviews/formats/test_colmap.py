@@ -11,7 +11,6 @@ from hydroviews.errors import InputError
 from hydroviews.formats.colmap import reliable
 from hydroviews.formats.colmap_format import SparsePoints
 from hydroviews.formats.read import read_scene
-from hydroviews.scene.images import write_png
 from hydroviews.scene.lenses import Lens
 
 
@@ -137,13 +136,6 @@ def test_folders_without_a_scene(tmp_path, photographs, model, message):
         read_scene(tmp_path / "nowhere")
 
 
-def test_image_of_another_size(tmp_path):
-    folder = colmap_capture(tmp_path)
-    write_png(folder / "images" / "view02.png", np.zeros((72, 100, 3), np.float32))
-    with pytest.raises(InputError, match=r"view02\.png: image and camera differ in size\n.*100x72 pixels\n.*96x72"):
-        read_scene(folder)
-
-
 @pytest.mark.parametrize("file", ["cameras", "images", "points3D"])
 @pytest.mark.parametrize("share", [0.0, 0.05, 0.5, 0.99, 1.01])
 def test_binary_models_cut_short_or_too_long(tmp_path, file, share):
@@ -176,13 +168,6 @@ def test_a_quaternion_may_have_any_length(tmp_path):
     path.write_text("\n".join(map(" ".join, lines)))
     for view, before in zip(read_scene(folder).views, expected, strict=True):
         np.testing.assert_allclose(view.camera.world_to_camera, before.camera.world_to_camera, atol=1e-9)
-
-
-def test_the_order_of_points_in_the_file_does_not_matter(tmp_path):
-    folder = colmap_capture(tmp_path, text=True)
-    path, expected = folder / "sparse" / "0" / "points3D.txt", read_scene(folder).points.positions
-    path.write_text("\n".join(reversed(path.read_text().splitlines())))
-    assert np.array_equal(read_scene(folder).points.positions, expected)
 
 
 def test_images_of_a_camera_that_is_not_there(tmp_path):

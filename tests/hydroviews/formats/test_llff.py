@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from captures import capture
 from distorted import arc, write_photographs
+from in_the_way import KINDS, not_for_ever, swap
 
 from hydroviews.errors import InputError
 from hydroviews.formats.read import read_scene
@@ -125,3 +126,11 @@ def _baseline_direction(scene, a, b):
     first, second = scene.views[a].camera, scene.views[b].camera
     direction = first.rotation @ (second.centre - first.centre)
     return direction / np.linalg.norm(direction)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_something_else_where_the_file_belongs(tmp_path, kind):
+    folder = write_capture(tmp_path, table(4))
+    swap(folder / "poses_bounds.npy", kind)
+    with not_for_ever(), pytest.raises(InputError, match=r"poses_bounds\.npy"):
+        read_scene(folder)

@@ -9,7 +9,6 @@ from plyfile import PlyData, PlyElement
 
 from hydroviews.errors import InputError
 from hydroviews.formats.read import read_scene
-from hydroviews.scene.images import write_png
 from hydroviews.scene.masks import write_ignored
 
 TO_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -76,14 +75,6 @@ def test_camera_models(tmp_path, given, model, distortion):
     if lens:
         assert lens.params == (80, 80, 48, 36, *distortion)
         assert scene.views[0].image().shape[2] == 3
-
-
-def test_smaller_photographs_than_said(tmp_path):
-    twice = {**SHARED, "w": 192, "h": 144, "fl_x": 160.0, "fl_y": 164.0, "cx": 94.0, "cy": 74.0}
-    view = read_scene(write_capture(tmp_path, {**twice, "frames": frames()})).views[0]
-    full = view.lens.pinhole()
-    assert view.camera.fx / view.camera.width == pytest.approx(full.fx / full.width)
-    assert view.camera.width == round(full.width / 2)
 
 
 def test_missing_frames_are_noted(tmp_path):
@@ -158,11 +149,3 @@ def test_rotation_off_by_rounding_is_made_rigid(tmp_path):
 def test_bad_files(tmp_path, content, message):
     with pytest.raises(InputError, match=message):
         read_scene(write_capture(tmp_path, content))
-
-
-def test_leading_folders_of_other_machines_do_not_matter_for_names(tmp_path):
-    write_png(tmp_path / "train" / "a.png", np.zeros((72, 96, 3), np.float32))
-    own = [{**frame, "file_path": f"train/{name}"} for name, frame in zip("abc", frames(3), strict=True)]
-    write_photographs(tmp_path / "train", ["b.png", "c.png"])
-    (tmp_path / "transforms.json").write_text(json.dumps({**SHARED, "frames": own}))
-    assert [view.name for view in read_scene(tmp_path).views] == ["a", "b", "c"]

@@ -51,11 +51,6 @@ def test_the_table_of_nerf_in_the_wild(capture):
     assert "split of room.tsv: 5 views to train on, 3 held out; 1 in neither left out" in said
 
 
-def test_another_table_is_none_of_a_split(capture):
-    (capture / "gps.tsv").write_text("name\tlatitude\nview-00\t1\n")
-    assert split_of(capture)[1] == ("view-00", "view-08")
-
-
 def test_a_split_of_other_photographs_is_not_used_and_told(capture, caplog):
     with_lists(capture, "other-{}.png")
     assert split_of(capture)[1] == ("view-00", "view-08")

@@ -214,12 +214,3 @@ def test_odd_values_of_a_frame(tmp_path, values, message):
     change(folder, frames=frames)
     with pytest.raises(InputError, match=message):
         read_scene(folder)
-
-
-def test_a_count_that_leads_beyond_all_files(tmp_path):
-    folder = write("colmap binary", tmp_path, Stranger())
-    path = folder / "sparse" / "0" / "images.bin"
-    content = path.read_bytes()
-    path.write_bytes(content.replace(b"1.png\0" + bytes(8), b"1.png\0" + b"\xff" * 8))
-    with pytest.raises(InputError, match=r"images\.bin: damaged or cut short"):
-        read_scene(folder)

@@ -5,7 +5,6 @@ from wet import HEIGHT, WIDTH, lens, photograph
 from hydroviews.errors import InputError
 from hydroviews.pairs.drawing import KINDS, draw_rain, shares_without
 from hydroviews.pairs.exposure import LINEAR, air_light
-from hydroviews.pairs.mist_alone import draw_mist_alone
 from hydroviews.pairs.photographs import fit_frame, frame_of, frames, read_photographs, split_photographs
 from hydroviews.pairs.raindrops import draw_mist, wet_lens
 from hydroviews.rain.lens.optics.bake import moment_of
@@ -111,19 +110,6 @@ def test_drops_show_what_light_paths_bring():
     np.testing.assert_array_equal(mask, lens().matte.mask)
     np.testing.assert_allclose(rainy[30, 40], picture[0, 0] / 255, atol=1e-3)
     np.testing.assert_allclose(rainy[:20], picture[:20] / 255, atol=1e-3)
-
-
-def test_small_pictures_in_mist_are_brighter_where_it_is_and_sometimes_dry():
-    picture, others = photograph(0, 128, 128), photograph(1, 128, 128)[None]
-    pairs = [draw_mist_alone(np.stack([picture, others[0]]), generator(seed)) for seed in range(20)]
-    assert {pair[0].shape for pair in pairs} == {(2, 128, 128, 3)}
-    dry_ones = [pair for pair in pairs if not pair[2].any()]
-    misty_ones = [pair for pair in pairs if pair[2].any()]
-    assert 0 < len(dry_ones) < 10
-    assert all(np.allclose(rainy, clean, atol=1e-6) for rainy, clean, _ in dry_ones)
-    contrast = [float(rainy.std() / clean.std()) for rainy, clean, _ in misty_ones]
-    assert max(contrast) < 1
-    assert min(contrast) < 0.7
 
 
 def test_frames_are_the_benchmarks_size_in_both_directions(tmp_path):

@@ -49,18 +49,6 @@ def test_drops_change_nothing_where_they_are_not():
         np.testing.assert_allclose(drops.over(scene)[dry], scene[dry], atol=1e-5)
 
 
-def test_some_drops_have_light_of_their_own_and_others_show_the_scene():
-    shares = []
-    for seed in range(40):
-        drops, _ = draw_drops(generator(seed), WIDTH, HEIGHT, ENCODED)
-        inside = drops.cover > 0.6
-        if inside.sum() > 20:
-            difference = (drops.over(WHITE) - drops.over(BLACK))[inside].mean(axis=-1)
-            shares.append(float(np.median(difference - (1 - drops.cover[inside]))))
-    assert min(shares) < 0.05
-    assert max(shares) > 0.6
-
-
 def test_drops_show_their_surroundings_upside_down():
     cover, source = np.zeros((HEIGHT, WIDTH), np.float32), np.zeros((HEIGHT, WIDTH, 2), np.float32)
     cover[20:40, 30:50] = 1

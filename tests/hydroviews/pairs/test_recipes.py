@@ -1,14 +1,9 @@
-from dataclasses import replace
-
-import cv2
 import numpy as np
 import pytest
 from wet import HEIGHT, WIDTH, photograph
 
-from hydroviews.pairs.camera import noisy
-from hydroviews.pairs.recipes.compositing import ENCODED, LINEAR, Space, put_over
+from hydroviews.pairs.recipes.compositing import ENCODED, LINEAR, Space
 from hydroviews.pairs.recipes.lines import draw_lines
-from hydroviews.pairs.recipes.mist import draw_wiped
 from hydroviews.pairs.recipes.panes import Pane, draw_mist, draw_pane
 from hydroviews.scene.images import to_linear, to_srgb
 from hydroviews.scene.seeds import generator
@@ -32,13 +27,6 @@ def test_mist_is_mixed_in_any_space(space):
     assert not Pane(0 * veil, LIGHT, space).mist().any()
 
 
-def test_a_screen_only_brightens():
-    light = np.full_like(PICTURE, 0.4)
-    seen = put_over(PICTURE, light[..., :1], light, True)
-    np.testing.assert_allclose(1 - seen, (1 - PICTURE) * 0.6, atol=1e-6)
-    np.testing.assert_allclose(put_over(PICTURE, light[..., :1], light, False), 0.6 * PICTURE + 0.4, atol=1e-6)
-
-
 def test_mist_is_as_thick_as_asked_for_and_of_many_forms():
     panes = [draw_mist(generator(seed), 96, 64, 0.8) for seed in range(40)]
     assert all(0 <= pane.veil.min() <= pane.veil.max() <= 0.8 + 1e-6 for pane in panes)
@@ -49,19 +37,6 @@ def test_mist_is_as_thick_as_asked_for_and_of_many_forms():
     assert min(spread) < 0.1
     assert max(spread) > 0.25
     assert {pane.blur > 0 for pane in panes} == {True, False}
-
-
-def test_larger_drops_wipe_mist_and_small_ones_do_not():
-    cover = np.zeros((200, 300), np.float32)
-    cv2.circle(cover, (150, 100), 14, 1, -1)
-    cover[20, 20] = 1
-    for seed in range(8):
-        wiped = draw_wiped(generator(seed), cover)
-        assert wiped.min() >= 0
-        assert wiped.max() <= 1
-        assert wiped[100, 150] >= 0.45
-        assert wiped[20, 20] == 0
-        assert wiped[190, 10] == 0
 
 
 def test_the_scene_behind_mist_is_less_sharp():
@@ -84,16 +59,6 @@ def test_a_pane_for_half_the_size_does_the_same():
         assert apart.mean() < 0.15 * harm + 0.005
 
 
-def test_parts_of_a_pane_come_alone():
-    for seed in range(6):
-        wet, misty = (draw_pane(generator(seed), 96, 64, drops, not drops) for drops in (True, False))
-        assert wet.cover.any()
-        assert not wet.veil.any()
-        assert not misty.cover.any()
-        assert misty.veil.any()
-        np.testing.assert_allclose(replace(wet, drops=None).over(PICTURE), PICTURE, atol=1e-5)
-
-
 def test_streaks_are_of_all_strengths_and_companions_have_others():
     falls = [draw_lines(generator(seed, "lines"), 96, 64) for seed in range(40)]
     rain = [float(np.abs(fall.over(PICTURE, fall.layers[0]) - PICTURE).mean()) for fall in falls]
@@ -105,19 +70,3 @@ def test_streaks_are_of_all_strengths_and_companions_have_others():
     assert seen.shape == grey.shape
     assert np.abs(seen[0] - seen[1]).max() > 0.05
     assert falls[0].over_all(grey[:0], generator(1)).shape == (0, 32, 48, 3)
-
-
-def test_between_streaks_there_is_only_their_veil():
-    for seed in range(20):
-        fall = draw_lines(generator(seed, "lines"), 96, 64)
-        nothing = np.zeros((64, 96), np.float32)
-        seen = fall.over(PICTURE, nothing)
-        assert (float(np.abs(seen - PICTURE).max()) > 1e-3) == (fall.veil > 2e-3)
-
-
-def test_noise_of_a_sensor_is_as_strong_as_asked_for():
-    grey = np.full((64, 96, 3), 0.5, np.float32)
-    noise = noisy(grey, 0.01, generator(0)) - grey
-    assert noise.std() == pytest.approx(0.01, rel=0.05)
-    assert abs(noise.mean()) < 5e-4
-    assert noisy(np.ones_like(grey), 0.01, generator(0)).max() == 1

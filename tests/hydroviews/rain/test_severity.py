@@ -84,11 +84,6 @@ def test_drops_and_mist_cost_a_plain_reconstruction_what_their_grade_says(statis
     assert losses == pytest.approx(LOSSES["raindrop"], abs=0.6)
 
 
-@pytest.mark.parametrize(("wanted", "expected"), [(4.0, 2.0), (0.0, 1.0), (100.0, 5.0)])
-def test_solve_finds_the_value_or_the_nearest_end(wanted, expected):
-    assert severity.solve(lambda x: x * x, wanted, 1.0, 5.0) == pytest.approx(expected, abs=0.01)
-
-
 def surveyed(folder, image):
     """A survey of a ring of views that all show the same."""
     scene = capture_in(folder / "yard")
@@ -125,13 +120,6 @@ def test_visibility_counts_the_training_views_that_see_a_point(tmp_path):
     assert survey(scene, 0).mean_inverse_visibility == pytest.approx(1, abs=1e-6)
 
 
-def test_a_scene_that_is_learned_well_needs_less_rain_for_a_grade(statistics):
-    well = replace(statistics, clean_error=severity.CLEAN_ERROR / 3)
-    for loss in (1.5, 4.0, 8.5):
-        assert severity.wanted_harm(loss, well) == pytest.approx(severity.wanted_harm(loss, statistics) / 3)
-    assert draw("streak", 1, well).n < draw("streak", 1, statistics).n
-
-
 def test_a_scene_that_drops_harm_more_gets_fewer_of_them(statistics):
     dear = replace(statistics, drops_cost=3.0)
     assert drops_harm(0.1, dear) == pytest.approx(3 * drops_harm(0.1, statistics))
@@ -142,12 +130,6 @@ def test_a_scene_that_drops_harm_more_gets_fewer_of_them(statistics):
 def test_a_photograph_alone_is_one_moment_of_the_rain(statistics):
     alone = replace(statistics, views=statistics.views[:1])
     assert [draw("raindrop", 1, one).key_frames for one in (statistics, alone)] == [3, 1]
-
-
-def test_renewed_drops_are_as_many_as_on_a_fixed_window(statistics):
-    """What is left of drops after many views is already that of drops that are new in every one."""
-    renewed = find_effect("raindrop-renewed").draw(Pattern("raindrop", 0), statistics)
-    assert renewed == replace(draw("raindrop", 0, statistics), renewed=0.5)
 
 
 @pytest.mark.parametrize("grade", [0, 1, 2])

@@ -33,11 +33,6 @@ def test_resizing_scales_projections_exactly():
     np.testing.assert_allclose(back.matrix, camera.matrix, rtol=1e-14)
 
 
-def test_pose_of_another_size_is_refused():
-    with pytest.raises(ValueError, match=r"shape \(3, 4\)"):
-        Camera(100, 80, 50.0, 50.0, 50.0, 40.0, np.eye(4)[:3])
-
-
 @pytest.mark.parametrize(
     ("size", "long_side", "expected"),
     [

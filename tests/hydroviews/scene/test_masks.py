@@ -1,7 +1,6 @@
 """Masks from the file to the score."""
 
 import json
-from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -22,7 +21,6 @@ from hydroviews.formats.writers import write_colmap, write_nerfstudio
 from hydroviews.rain.patterns import Pattern
 from hydroviews.scene.images import write_png
 from hydroviews.scene.masks import find_mask, fit_ignored, mask_name, read_ignored, write_ignored
-from hydroviews.scene.scenes import View
 
 
 def block(height, width, rows, columns):
@@ -208,13 +206,6 @@ def test_a_batch_has_a_mask_each():
         for i in range(2):
             alone = metric(images[i].permute(1, 2, 0), targets[i].permute(1, 2, 0), ignored=ignored[i])
             assert float(together[i]) == pytest.approx(alone, rel=1e-9)
-
-
-def test_a_mask_without_a_lens_may_be_larger_than_the_view(tmp_path, hidden):
-    view = capture_in(tmp_path).views[0]
-    write_ignored(tmp_path / "m.png", hidden.repeat(2, 0).repeat(2, 1))
-    assert np.array_equal(View(view.name, view.camera, view.path, mask=tmp_path / "m.png").ignored(), hidden)
-    assert replace(view, mask=None).ignored() is None
 
 
 @pytest.mark.parametrize("stored", ["B\u00e4ume.jpg", "Ba\u0308ume.jpg"], ids=["composed", "decomposed"])

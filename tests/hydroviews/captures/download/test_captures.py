@@ -90,15 +90,6 @@ def test_after_a_bad_download_the_same_command_succeeds(mirror, content, tmp_pat
     assert contents(folder).items() >= SCENE.items()
 
 
-def test_a_checksum_that_nothing_has_is_named(mirror, tmp_path):
-    (tmp_path / "a.zip.sha256").write_text("0" * 64)
-    archive = Archive("a.zip", (f"{mirror.address}/data/tandt_db.zip",), 1)
-    with pytest.raises(InputError, match=r"expected 0{64}, from .*a\.zip\.sha256: delete that if"):
-        get_archive(archive, tmp_path / "a.zip")
-    (tmp_path / "a.zip.sha256").unlink()
-    get_archive(archive, tmp_path / "a.zip")
-
-
 def test_the_catalogues_checksum_comes_first(mirror, content, tmp_path):
     archive = Archive("tandt_db.zip", (f"{mirror.address}/data/tandt_db.zip",), 1, sha256="0" * 64)
     with pytest.raises(InputError, match="wrong checksum"):

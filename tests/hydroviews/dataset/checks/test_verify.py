@@ -87,12 +87,6 @@ def test_a_damaged_pattern_is_a_problem_like_others(built, content):
     assert "pattern.json: not " in problems
 
 
-def test_a_variant_without_views(built):
-    for image in (built / "streak-1" / "images").iterdir():
-        image.unlink()
-    assert "streak-1: no views" in problems_after_signing(built)
-
-
 def test_a_scene_captured_in_rain_has_its_hashes_checked_and_its_row(tmp_path):
     capture = tmp_path / "capture" / "yard"
     write_colmap(capture_in(capture), capture / "sparse" / "0")

@@ -3,7 +3,6 @@
 import hashlib
 import json
 import os
-import pickle
 import stat
 import zipfile
 
@@ -49,14 +48,6 @@ def test_every_file_is_compared_with_the_manifest_as_it_is_packed(tmp_path):
     (tmp_path / "a").write_bytes(b"changed")
     with pytest.raises(InputError, match="changed since it was built"):
         write_archive(tmp_path / "x.zip", "x.zip", {"a": tmp_path / "a"}, {"a": hashlib.sha256(b"built").hexdigest()})
-
-
-def test_an_opened_archive_can_be_pickled_and_reads_where_files_lie(archive):
-    packed = pickle.loads(pickle.dumps(open_archive(archive)))
-    with zipfile.ZipFile(archive) as opened:
-        assert all(info.compress_type == zipfile.ZIP_STORED for info in opened.infolist())
-        for name in packed.places:
-            assert b"".join(packed.blocks(name)) == opened.read(f"yard/{name}")
 
 
 @pytest.mark.parametrize("share", [0.999, 0.5, 0.01, 0])

@@ -6,7 +6,6 @@ import pytest
 from painted_room import picture, scene_in_room, write_room
 
 from hydroviews.__main__ import poses_command
-from hydroviews.formats.mask_files.names import mask_key
 from hydroviews.formats.photographs import photographs_below
 from hydroviews.formats.read import read_scene
 from hydroviews.scene.images import write_png
@@ -157,14 +156,6 @@ def test_transparent_pixels_of_photographs_are_hidden_and_no_black_holes(tmp_pat
     assert warnings(caplog) == []
 
 
-def test_opaque_photographs_hide_nothing(tmp_path):
-    scene = scene_in_room(tmp_path / "walk")
-    folder = write_room(scene, tmp_path / "walk", "colmap")
-    for view in scene.views:
-        cv2.imwrite(str(view.path), np.dstack([cv2.imread(str(view.path)), np.full_like(GREY, 255)]))
-    assert all(view.mask is None for view in read_scene(folder).views)
-
-
 def test_masks_are_no_photographs(tmp_path):
     for name in ("images/a.jpg", "images/mask_of_gold.jpg", "images/a_mask.jpg", "masks/a.png", "masks/b.png"):
         write_png(tmp_path / name, np.zeros((4, 4, 3), np.float32))
@@ -179,12 +170,3 @@ def test_masks_beside_photographs_without_cameras_are_told(capture, tmp_path, ca
     poses_command(capture / "images", tmp_path / "out")
     assert f"{capture / 'masks'}: masks are not used to estimate cameras" in " ".join(warnings(caplog))
     assert f"copy them to {tmp_path / 'out' / 'masks'}" in " ".join(warnings(caplog))
-
-
-@pytest.mark.parametrize(
-    ("name", "key"),
-    [("cam/000.JPG.png", "cam/000"), ("000_mask.png", "000"), ("dynamic_mask_000.png", "000"), ("mask.png", ""),
-     ("000.jpg.mask.png", "000"), ("masked_000.png", "masked_000"), ("v1.2.jpg", "v1.2"), ("mask-7.png", "7")],
-)  # fmt: skip
-def test_keys_of_names(name, key):
-    assert mask_key(name) == key

@@ -1,6 +1,5 @@
 from dataclasses import replace
 
-import cv2
 import numpy as np
 import pytest
 
@@ -10,7 +9,6 @@ from hydroviews.rain.other_make.lens import map_lens, see_through
 from hydroviews.rain.other_make.mist import mist_cover
 from hydroviews.rain.other_make.raindrop import ADDED, OtherRaindrops, WetLens
 from hydroviews.rain.other_make.refraction import Bodies
-from hydroviews.rain.other_make.severity import drops_harm
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.seeds import generator
 
@@ -54,29 +52,6 @@ def test_a_drop_shows_the_scene_upside_down():
     assert light[37, 60, 1] > light[53, 60, 1] + 0.1
 
 
-def test_rims_are_dark_and_highlights_bright():
-    white = np.ones((90, 120, 3), np.float32)
-    dull = replace(SHARP, glint=0.0)
-    cover, light = seen(one_drop(contact=1.2), pattern=dull, clean=white)
-    shown = np.where(cover[..., None] > 0.9, light / np.maximum(cover, 0.5)[..., None], np.nan)
-    assert np.nanmin(shown) < 0.4
-    assert shown[45, 60, 0] == pytest.approx(0.98, abs=0.02)
-    grey = np.full((90, 120, 3), 0.3, np.float32)
-    shine = seen(one_drop(), pattern=replace(SHARP, glint=0.5), clean=grey)[1]
-    assert (shine - seen(one_drop(), pattern=dull, clean=grey)[1]).max() > 0.2
-
-
-def test_no_cover_is_no_change(statistics):
-    dry = replace(PATTERN, coverage=0.0, mist=0.0)
-    assert len(drops_on(dry, 48, 36, 0.5).radii) == 0
-    assert drops_harm(dry, statistics) == 0
-    view = statistics.views[2]
-    clean, rain = view.image(), WetLens(dry, statistics)
-    layers = fall(rain.prepare(view.camera, view.path.parent), clean, view)
-    assert all(plane.max() == 0 for plane in layers.values())
-    np.testing.assert_array_equal(EFFECT.composite(rain.parameters, clean, layers), clean)
-
-
 @pytest.mark.parametrize("size", [(1, 1), (64, 1), (1, 64), (17, 15)])
 def test_any_size_of_picture(size):
     cover, light = seen(drops_on(PATTERN, *size, 0.0), *size, pattern=PATTERN)
@@ -84,19 +59,6 @@ def test_any_size_of_picture(size):
     assert cover.shape == mist.shape == size[::-1]
     assert np.isfinite(light).all()
     assert 0 <= mist.min() <= mist.max() <= np.float32(PATTERN.mist)
-
-
-@pytest.mark.parametrize("blades", [0, 6])
-def test_the_same_lens_at_another_size(blades):
-    pattern = replace(PATTERN, aperture_blades=blades)
-    large = seen(drops_on(pattern, 640, 480, 0.3), 640, 480, pattern)
-    small = seen(drops_on(pattern, 320, 240, 0.3), 320, 240, pattern)
-    halved = [cv2.resize(plane, (320, 240), interpolation=cv2.INTER_AREA) for plane in large]
-    for one, other in zip(small, halved, strict=True):
-        assert np.abs(one - other).mean() < 0.002
-        assert np.sqrt(np.mean((one - other) ** 2)) < 0.01
-    mists = mist_cover(pattern, 640, 480, 0.3), mist_cover(pattern, 320, 240, 0.3)
-    np.testing.assert_allclose(cv2.resize(mists[0], (320, 240), interpolation=cv2.INTER_AREA), mists[1], atol=0.01)
 
 
 def test_coverage_is_what_was_asked_for_and_more_adds_drops():

@@ -7,7 +7,6 @@ from hydroviews.rain.streaks.measures import streak_angle
 from hydroviews.rain.streaks.recipe import (
     GRADES,
     StreakPattern,
-    composite,
     draw_pattern,
     draw_seeds,
     kernel,
@@ -85,14 +84,6 @@ def test_layer_fills_its_range_and_small_images_are_averaged_down():
     assert supersampling(320, 240) == 3
     small = streak_layer(pattern, 400, 300, generator(1))
     assert np.allclose(small, large.reshape(300, 2, 400, 2).mean((1, 3)), atol=1e-6)
-
-
-def test_composite_only_moves_towards_the_rain():
-    background = np.linspace(0, 0.7, 48, dtype=np.float32).reshape(4, 4, 3)
-    layer = np.full((4, 4), 0.25, np.float32)
-    rainy = composite(background, layer, 0.8)
-    assert np.allclose(rainy, 0.75 * background + 0.2)
-    assert np.array_equal(composite(background, np.zeros((4, 4)), 0.8), background)
 
 
 @pytest.mark.parametrize("grade", [None, 0, 1, 2])

@@ -7,16 +7,16 @@ from scipy import integrate
 
 from hydroviews.errors import InputError
 from hydroviews.rain.effect import fall
-from hydroviews.rain.patterns import Pattern, pattern_generator
+from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.scene_statistics import Light
 from hydroviews.rain.severity import wanted_harm
 from hydroviews.rain.weather import lamps
 from hydroviews.rain.weather.dark import AmbientPattern
-from hydroviews.rain.weather.night import COLD, WARM, Evening, Lamps, Night, draw_evening
+from hydroviews.rain.weather.night import Evening, Lamps, Night
 from hydroviews.rain.weather.severity import LOSS
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.depth import depth_path, write_depth
-from hydroviews.scene.images import luminance, to_linear, to_srgb
+from hydroviews.scene.images import to_linear, to_srgb
 from hydroviews.scene.scenes import no_points
 
 PATTERN = Pattern("night", 2)
@@ -129,18 +129,6 @@ def test_a_grade_does_its_harm(yard, index):
         for view, sample in zip(yard.sampled_views, yard.samples, strict=True)
     ]
     assert np.mean([np.mean((s - c) ** 2) for s, c in pairs]) == pytest.approx(wanted, rel=0.03)
-
-
-def test_lamps_hang_high_and_off_the_walls(yard):
-    points = yard.points.positions
-    for seed in range(5):
-        evening = draw_evening(pattern_generator(PATTERN, replace(yard, seed=seed)), yard)
-        assert 2 <= len(evening.lamps) <= 5
-        for lamp in evening.lamps:
-            assert 0 < np.linalg.norm(points - lamp, axis=1).min() < 0.31
-            assert lamp[1] < np.quantile(points[:, 1], 0.45)  # y is down
-        assert luminance(np.float32(evening.colour)) == pytest.approx(1, abs=0.01)
-    assert luminance(np.float32([WARM, COLD])) == pytest.approx(1, abs=0.01)
 
 
 def test_scenes_without_points(yard, ahead):

@@ -36,18 +36,6 @@ def test_gravity_makes_the_belly_hang_as_the_linear_solution_says():
     assert below.mean() > 1.2 * above.mean()
 
 
-def test_the_mean_slope_at_the_rim_is_that_of_the_contact_angle():
-    angle = np.radians(30)
-    patch = drop_patch(MERGED, angle, 96, 40)
-    (scaled,), (height,) = water_surface([patch], 3.0)
-    ring = (scaled.vertices[1:].reshape(40, 96, 2), height[1:].reshape(40, 96))
-    edge = np.roll(ring[0][-1], -1, axis=0) - np.roll(ring[0][-1], 1, axis=0)
-    normal = np.column_stack([edge[:, 1], -edge[:, 0]]) / np.linalg.norm(edge, axis=1, keepdims=True)
-    inwards = ((ring[0][-1] - ring[0][-2]) * normal).sum(axis=1)
-    slope = ring[1][-2] / inwards
-    assert np.average(slope, weights=np.linalg.norm(edge, axis=1)) == pytest.approx(np.tan(angle), rel=0.06)
-
-
 @pytest.mark.parametrize("capillary_length", [np.inf, 1.0])
 def test_a_merged_drop_holds_the_water_of_its_parts(capillary_length):
     angle = np.radians(50)
