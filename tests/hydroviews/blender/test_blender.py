@@ -120,16 +120,6 @@ def test_held_out_views_lie_between_two_training_views(n_views, name):
     assert len(np.unique(centres.round(6), axis=0)) == n_views
 
 
-@pytest.mark.parametrize("name", ["room", "street"])
-def test_an_arc_is_used_whole_and_not_left(name):
-    path = DESIGNS[name].path
-    for n_views in (3, 40, 100):
-        x, y = np.array([camera.centre[:2] - path.centre for camera in place_cameras(path, n_views, 64, 48, 0)]).T
-        along = (np.arctan2(y, x) - path.start) % (2 * np.pi)
-        assert np.all(along < path.span + 1e-9)
-        assert (np.ptp(along) > 0.99 * path.span) == (n_views > 3)
-
-
 def edges(mesh: Mesh) -> list[tuple[int, int]]:
     return [(face[i - 1], face[i]) for face in mesh.faces for i in range(len(face))]
 

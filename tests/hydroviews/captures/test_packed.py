@@ -71,17 +71,12 @@ def test_depth_comes_back_bit_by_bit(rng):
         assert decode(encode(depth), depth.shape).tobytes() == depth.tobytes()
 
 
-def test_a_capture_is_unpacked_as_it_was_rendered(packed, tmp_path):
-    capture, archives = packed
-    assert unpack(tmp_path / "data" / "yard", VERSION, archives)
-    assert contents(tmp_path / "data" / "yard") == contents(capture)
-    assert read_json(tmp_path / "data" / "yard" / UNPACKED)["licence"] == "Apache-2.0"
-
-
-def test_what_is_there_of_an_interrupted_call_is_kept(packed, tmp_path):
+def test_a_capture_is_unpacked_as_it_was_rendered_and_what_is_there_is_kept(packed, tmp_path):
     capture, archives = packed
     folder = tmp_path / "data" / "yard"
-    unpack(folder, VERSION, archives)
+    assert unpack(folder, VERSION, archives)
+    assert contents(folder) == contents(capture)
+    assert read_json(folder / UNPACKED)["licence"] == "Apache-2.0"
     for name in ("cameras.json", "images/001.png", "depth/002.exr"):
         (folder / name).unlink()
     kept = (folder / "images/000.png").stat().st_mtime_ns

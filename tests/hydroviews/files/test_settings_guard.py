@@ -40,18 +40,6 @@ def test_overwriting_empties_the_folder_after_it_is_forgotten(tmp_path):
     assert read_json(path) == {"seed": 1}
 
 
-def test_overwriting_keeps_and_names_what_the_user_put_there(tmp_path, caplog):
-    folder = tmp_path / "a"
-    claim_folder(folder / "request.json", {"seed": 0}, **WORDS)
-    write_bytes(folder / "clean" / "0.png", b"old")
-    (folder / "clean" / "mine.png").write_bytes(b"a figure")
-    (folder / "notes.txt").write_text("years of work")
-    claim_folder(folder / "request.json", {"seed": 1}, **WORDS, overwrite=True)
-    assert visible(folder) == ["clean", "notes.txt", "request.json"]
-    assert visible(folder / "clean") == ["mine.png"]
-    assert f"{folder}: not written by HydroViews, and kept: clean/mine.png, notes.txt" in caplog.text
-
-
 def test_a_folder_without_a_list_is_never_emptied(tmp_path):
     """It is of an earlier version: nothing tells whose its files are."""
     write_json(tmp_path / "request.json", {"seed": 0})

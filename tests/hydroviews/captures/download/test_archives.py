@@ -19,11 +19,6 @@ def kind(request, tmp_path):
     return lambda files, links=(): WRITERS[request.param](tmp_path / "archives" / request.param, files, links)
 
 
-def test_only_the_scene_is_unpacked(kind, tmp_path):
-    unpack(kind(FILES), "train", tmp_path / "captures" / "tandt" / "train")
-    assert contents(tmp_path / "captures") == {f"tandt/train/{name}": content for name, content in SCENE.items()}
-
-
 def test_an_interrupted_call_is_gone_on_with(kind, tmp_path, monkeypatch):
     archive, folder, real = kind(FILES), tmp_path / "train", archives.replacing
     written = []

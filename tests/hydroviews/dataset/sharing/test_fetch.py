@@ -8,7 +8,7 @@ from shared_data_set import built_in
 
 from hydroviews.captures.download.archives import BadArchive
 from hydroviews.dataset.checks.verify import verify
-from hydroviews.dataset.manifest import data_hash, forget_scene, read_manifest
+from hydroviews.dataset.manifest import data_hash, forget_scene
 from hydroviews.dataset.sharing import archive as archive_module
 from hydroviews.dataset.sharing.fetch import fetch
 from hydroviews.dataset.sharing.pack import pack
@@ -73,14 +73,6 @@ def test_variants_fetched_one_by_one_are_the_scene_that_was_built(shared, tmp_pa
     for path in shared.paths.values():
         assert (tmp_path / "again" / path.name).read_bytes() == path.read_bytes()
     assert len(again) == 3
-
-
-def test_fetching_into_the_data_set_it_was_packed_from(shared, tmp_path):
-    """Another variant joins a scene that was built here."""
-    built = built_in(tmp_path, patterns=("streak-1",))
-    fetch(str(shared.paths["storm-1"]), built.parent)
-    assert read_manifest(built.parent)["scenes"]["yard"]["patterns"] == ["storm-1", "streak-1"]
-    assert verify(built.parent) == []
 
 
 def test_another_scene_of_that_name_is_refused_and_stays(shared, tmp_path):
