@@ -133,17 +133,3 @@ def test_interlaced_frames_are_deinterlaced(tmp_path):
     assert combs(woven[3]) > 2
     assert combs(found[3]) < 1.2
     assert combs(found[3]) < 1.5 * combs(progressive[3])
-
-
-def test_films_in_av1_and_hevc_are_read(tmp_path):
-    for codec, path in (("libsvtav1", tmp_path / "a.mp4"), ("libx265", tmp_path / "b.mp4")):
-        with av.open(str(path), "w") as container:
-            stream = container.add_stream(codec, rate=10, options={"crf": "10"})
-            stream.width, stream.height, stream.pix_fmt = 96, 64, "yuv420p"
-            for i in range(4):
-                frame = av.VideoFrame.from_ndarray(to_uint8(picture(walking(i, 9))), format="rgb24")
-                container.mux(stream.encode(frame))
-            container.mux(stream.encode())
-        found = frames_of(path)
-        assert len(found) == 4
-        assert np.abs(found[2] / 255 - picture(walking(2, 9))).mean() < 0.05

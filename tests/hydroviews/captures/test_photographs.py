@@ -60,20 +60,6 @@ def test_no_links_among_the_photographs(tmp_path, names):
     check_photographs(pictures(tmp_path / "plain" / "images", "0.png"), tmp_path / "plain")
 
 
-@pytest.mark.parametrize(("photographs", "capture"), [("walk", "walk-capture"), ("walk/images", "walk-capture")])
-def test_a_capture_is_called_after_the_folder_that_has_a_name(tmp_path, monkeypatch, photographs, capture):
-    outs = []
-
-    def estimate(images, out, **_):
-        outs.append(out)
-        raise InputError("stop")
-
-    monkeypatch.setattr("hydroviews.__main__.estimate_poses", estimate)
-    with pytest.raises(InputError, match="stop"):
-        poses_command(tmp_path / photographs)
-    assert outs == [tmp_path / capture]
-
-
 @pytest.mark.parametrize("command", ["estimate_poses", "capture_video"])
 def test_two_commands_for_one_capture_wait_for_each_other(tmp_path, monkeypatch, command):
     def look(path, out, *_, **__):

@@ -9,7 +9,6 @@ from hydroviews.files.atomic import read_json, write_json
 from hydroviews.rain.layers import write_layers
 from hydroviews.rain.registry import find_effect
 from hydroviews.scene.images import read_image, to_srgb, to_uint8
-from hydroviews.scene.picture_grid import PAPER, write
 
 
 def test_sheets_show_the_views_and_leave_the_scene_as_it_was(built):
@@ -72,12 +71,3 @@ def test_the_command(built):
     wrong = command(*line, "--scene", "other")
     assert wrong.returncode == 2
     assert "no finished scene other" in wrong.stderr
-
-
-def test_letters_lose_their_marks_and_others_are_question_marks():
-    drawn = []
-    for text in ("B\u00e4ume", "Ba\u0308ume", "Baume", "B\u6c34ume", "B?ume"):
-        drawn.append(np.full((40, 300, 3), PAPER, np.uint8))
-        write(drawn[-1], text, 0, 20, 18, 0, limit=300)
-    same = [[np.array_equal(a, b) for a in drawn] for b in drawn]
-    assert same == np.kron(np.eye(2, dtype=bool), np.ones((3, 3), bool))[:5, :5].tolist()

@@ -53,13 +53,6 @@ def test_rain_depends_on_the_seed_alone(kind, lenses):
 
 
 @pytest.mark.parametrize("kind", ["window", "pane"])
-def test_drops_and_mist_come_together_and_alone(kind, lenses):
-    covers = [draw_rain(photograph(), kind, lenses, generator(seed, kind)).cover for seed in range(60)]
-    found = {((cover[..., 1] > 0).any(), (cover[..., 2] > 0).any()) for cover in covers}
-    assert found == {(True, True), (True, False), (False, True)}
-
-
-@pytest.mark.parametrize("kind", ["window", "pane"])
 def test_known_mist_is_all_that_is_between_drops(kind, lenses):
     """The pair's two planes of mist make the rainy picture of the clean one if nothing is blurred."""
     uniform = np.full((HEIGHT, WIDTH, 3), 90, np.uint8)

@@ -125,13 +125,3 @@ def test_a_pair_whose_features_others_do_not_have_is_found():
     for (i, j), own in matches.items():
         matches[i, j] = own[40:] if (i, j) == (0, 4) else own[:40]
     assert unconfirmed(views, matches, RADIUS) == {(0, 4)}
-
-
-def test_partners_in_nearly_one_place_agree():
-    """Two features at most corners, of which each way has another."""
-    views, matches = tracks(40, 3)
-    other = matches[0, 2][:, 1]
-    twins = Features(np.concatenate([views[2].keypoints, views[2].keypoints + 1]), np.zeros((80, 64), np.float32))
-    matches[0, 2] = np.stack([matches[0, 2][:, 0], other + 40 * (np.arange(40) % 4 > 0)], 1)
-    assert unconfirmed([views[0], views[1], twins], matches, RADIUS) == set()
-    assert unconfirmed([views[0], views[1], twins], matches, 0.5) == {(0, 2), (1, 2)}

@@ -77,14 +77,6 @@ def test_matches_are_the_published_ones(picture, xfeat, matcher):
     assert moved.median(0).values.tolist() == [-8, 5]
 
 
-def test_a_picture_enlarged_has_keypoints_in_its_own_pixels(picture, xfeat):
-    """Twice as large, then detected twice as large again: places stay within a pixel."""
-    twice = torch.nn.functional.interpolate(picture[None, None], scale_factor=2, mode="bicubic")[0, 0]
-    small, large = xfeat.detect(picture, (192, 256), 60), xfeat.detect(twice, (192, 256), 60)
-    off = torch.cdist(small.places, large.places / 2).min(1).values
-    assert (off < 1).float().mean() > 0.9
-
-
 def test_a_picture_without_keypoints_has_no_matches(picture, xfeat, matcher):
     none, some = xfeat.detect(torch.full(SIZE, 0.5), SIZE, 100), xfeat.detect(picture, SIZE, 100)
     assert none.places.shape == (0, 2)

@@ -139,18 +139,6 @@ def test_an_interruption_after_unpacking_is_made_good(shared, tmp_path, monkeypa
         assert verify(tmp_path / "data") == []
 
 
-def test_a_disk_that_fills_up_on_the_way(shared, tmp_path, monkeypatch):
-    def full(self, name, target):
-        raise OSError(28, "No space left on device")
-
-    with monkeypatch.context() as patch:
-        patch.setattr(archive_module.Packed, "copy", full)
-        with pytest.raises(InputError, match="no space left on the disk"):
-            fetch(str(shared.streaks), tmp_path / "data")
-    fetch(str(shared.streaks), tmp_path / "data")
-    assert verify(tmp_path / "data") == []
-
-
 def test_a_later_call_goes_on_with_a_download(shared, tmp_path, monkeypatch):
     content = shared.streaks.read_bytes()
     with serving({"/a.zip": content}, cut_after=[50_000, 0, 0, 0]) as server:

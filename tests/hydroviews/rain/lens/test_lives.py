@@ -6,20 +6,16 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from wet_lens import camera
 
 from hydroviews.rain.lens.lives import LENSES, Lives, draw_lives
 from hydroviews.rain.lens.patterns.bodies import Bodies, bodies_of, same_bodies
 from hydroviews.rain.lens.patterns.pattern import draw_pattern
 from hydroviews.rain.lens.patterns.water import GAP, water_at
 from hydroviews.rain.lens.renewed import BankLens
-from hydroviews.scene.cameras import Camera
 
 PATTERN = draw_pattern(np.random.default_rng(5), 1)
 SIDES = (np.sqrt(4 / 3), np.sqrt(3 / 4))
-
-
-def camera(width: int, height: int) -> Camera:
-    return Camera(width, height, 0.8 * width, 0.8 * width, width / 2, height / 2, np.eye(4))
 
 
 def lives(share: float, views: int = 30, width: int = 160, **changes) -> Lives:

@@ -60,16 +60,6 @@ def test_a_stroke_is_the_formula(ends, bend):
     np.testing.assert_allclose(ours, exact(stroke, 80, 80), atol=0.7 * math.exp(-4.5))  # drawn to 3 deviations
 
 
-@pytest.mark.parametrize("shift", [0.0, 0.25, 0.5])
-def test_thin_strokes_are_pale_and_not_broken(shift):
-    cover = draw_strokes(np.array([(20 + shift, 0, 24 + shift, 80, 0, 0.15, 0.8)]), 48, 80)
-    s = (np.arange(80) + 0.5) / 80
-    bow = 4 * s * (1 - s)
-    rows = (cover.sum(axis=1) / (bow * (0.6 + 0.4 * bow)))[20:60]
-    assert rows.std() < 0.05 * rows.mean()
-    assert rows.mean() == pytest.approx(0.8 * 0.15 * math.sqrt(2 * math.pi), rel=0.02)  # as much as a sharp one has
-
-
 @pytest.mark.parametrize("roll", [-30, 0, 20, 90])
 def test_rain_falls_down_however_the_camera_is_held(roll):
     view = camera(320, 240, pose=turned(AHEAD, roll))

@@ -64,15 +64,3 @@ def test_rays_leave_drops_as_traced_one_by_one_in_double_precision(meniscus):
         else:
             np.testing.assert_allclose(out.direction[i], direction, atol=2e-5)
     assert 0 < lost < n / 2  # steep rims reflect everything
-
-
-@pytest.mark.parametrize("meniscus", [False, True])
-def test_single_precision_is_enough(meniscus):
-    rng = np.random.default_rng(5)
-    place, ray, exact = rng.uniform(-0.6, 0.6, (500, 2)), rng.uniform(-0.4, 0.4, (500, 2)), bodies(500, meniscus, rng)
-    single = Bodies(*(part.astype(np.float32) for part in (exact.inverse, exact.lean, exact.contact)), exact.meniscus)
-    ours = leave_drop(place.astype(np.float32), ray.astype(np.float32), single)
-    assert ours.direction.dtype == np.float32
-    theirs = leave_drop(place, ray, exact)
-    clear = theirs.passing > 0.3
-    np.testing.assert_allclose(ours.direction[clear], theirs.direction[clear], atol=1e-4)

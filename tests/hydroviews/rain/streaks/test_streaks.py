@@ -35,13 +35,6 @@ def test_seed_density_is_n_over_25600(n):
     assert 0.5 < np.std(counts) / np.sqrt(expected * (1 - expected) * pixels) < 1.6  # of a binomial's own
 
 
-@pytest.mark.parametrize(("fewer", "more"), [(100, 110), (299, 301), (10, 900)])
-def test_more_noise_keeps_the_seeds_there_were(fewer, more):
-    few, many = (noise(n, 200, 150, generator(5)) for n in (fewer, more))
-    assert (many > 0).sum() > (few > 0).sum()
-    assert np.array_equal(many[few > 0], few[few > 0])
-
-
 @pytest.mark.parametrize(
     ("call", "arguments"),
     [

@@ -39,10 +39,3 @@ def test_running_drops_wipe_it_thin():
     share = wiped[row, column].sum() / whole[row, column].sum()
     assert share < 0.4
     assert np.median(wiped / np.maximum(whole, 1e-9)) > 0.99
-
-
-@pytest.mark.parametrize("size", [(1, 1), (17, 15), (400, 40), (3, 300)])
-def test_any_size_of_picture(size):
-    veil = mist_veil(PATTERN, *size, 0.5)
-    assert veil.shape == size[::-1]
-    assert np.all((veil >= 0) & (veil <= 0.5))

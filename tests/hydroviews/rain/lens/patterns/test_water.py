@@ -28,14 +28,6 @@ def test_the_same_generator_draws_the_same_pattern_and_it_goes_through_json():
     assert draw_pattern(np.random.default_rng(5), 1) != first
 
 
-def test_grades_differ_in_strength_alone():
-    light, medium, heavy = (draw_pattern(np.random.default_rng(4), grade) for grade in range(3))
-    for name in ("coverage", "mist", "droplets"):
-        assert getattr(light, name) < getattr(medium, name) < getattr(heavy, name)
-    assert light.seed == heavy.seed
-    assert light.radius_median == heavy.radius_median
-
-
 @pytest.mark.parametrize("extent", [EXTENT, (0.6, 1.6), (10**0.5, 0.1**0.5), (1.0, 1.0)])
 def test_drops_lie_apart_and_cover_what_was_asked(extent):
     drops = place_drops(PATTERN, extent)
