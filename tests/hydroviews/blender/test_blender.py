@@ -16,6 +16,7 @@ from hydroviews.blender.embedded_scenes import captures, textures, textures_indo
 from hydroviews.blender.embedded_scenes.camera_paths import place_cameras
 from hydroviews.blender.embedded_scenes.captures import EMBEDDED, read_embedded, render_embedded
 from hydroviews.blender.embedded_scenes.embedded import DESIGNS
+from hydroviews.blender.embedded_scenes.looks import LOOKS
 from hydroviews.blender.embedded_scenes.meshes import (
     Mesh,
     box,
@@ -331,3 +332,9 @@ def test_a_capture_needs_three_views_and_a_pixel(tmp_path, request_):
 def test_an_unknown_embedded_scene_names_the_known_ones(tmp_path):
     with pytest.raises(InputError, match=r"cellar.*(?s:.*)courtyard, room, street"):
         render_embedded("cellar", tmp_path, 3, 64, 48, 0)
+
+
+@pytest.mark.parametrize("name", EMBEDDED)
+def test_all_materials_are_known(name):
+    pieces = [thing for thing in made(name) if isinstance(thing, Piece)]
+    assert {piece.material for piece in pieces} <= set(LOOKS)

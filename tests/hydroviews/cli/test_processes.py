@@ -15,7 +15,7 @@ from hydroviews.cli import commands
 from hydroviews.cli.commands import run_command
 from hydroviews.cli.plugins import load_plugin
 from hydroviews.cli.process_family import Family
-from hydroviews.cli.processes import Ended
+from hydroviews.cli.processes import Ended, run_child
 from hydroviews.cli.starting import SPINS
 
 REPOSITORY = Path(__file__).parents[3]
@@ -174,3 +174,8 @@ def test_a_worker_that_is_ended_prints_no_stack_trace():
     environment = {**os.environ, "PYTHONPATH": str(REPOSITORY)}
     process = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False)
     assert (process.returncode, process.stdout, process.stderr) == (-signal.SIGTERM, "", "")
+
+
+def test_a_child_has_nothing_to_read_and_its_status_is_given_back():
+    code = "import sys; sys.exit(7 if sys.stdin.read() == '' else 0)"
+    assert run_child([sys.executable, "-c", code], subprocess.Popen.kill) == 7

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from wet import HEIGHT, WIDTH, photograph
 
+from hydroviews.pairs.camera import noisy
 from hydroviews.pairs.recipes.compositing import ENCODED, LINEAR, Space
 from hydroviews.pairs.recipes.lines import draw_lines
 from hydroviews.pairs.recipes.panes import Pane, draw_pane
@@ -58,3 +59,11 @@ def test_streaks_are_of_all_strengths_and_companions_have_others():
     assert seen.shape == grey.shape
     assert np.abs(seen[0] - seen[1]).max() > 0.05
     assert falls[0].over_all(grey[:0], generator(1)).shape == (0, 32, 48, 3)
+
+
+def test_noise_of_a_sensor_is_as_strong_as_asked_for():
+    grey = np.full((64, 96, 3), 0.5, np.float32)
+    noise = noisy(grey, 0.01, generator(0)) - grey
+    assert noise.std() == pytest.approx(0.01, rel=0.05)
+    assert abs(noise.mean()) < 5e-4
+    assert noisy(np.ones_like(grey), 0.01, generator(0)).max() == 1
