@@ -164,12 +164,6 @@ def test_cheap_commands_run(line, monkeypatch):
     assert command(*words[2:]).returncode == 0
 
 
-def test_an_option_that_there_is_not_would_be_noticed(hooks):
-    sheet = hooks.commands()["hydroviews sheet"]
-    assert "--no-such-option" in refusal(sheet, ["data", "--no-such-option", "1"])
-    assert refusal(sheet, ["data", "--views", "many"])
-
-
 def test_blocks_hold_commands_that_are_parsed_here_or_known():
     found = {words[0] for _, words in commands()}
     assert {"make", *OURS} <= found <= {"make", *OURS, *ELSEWHERE}

@@ -88,15 +88,6 @@ def tree(text: str) -> set[PurePosixPath]:
     return paths
 
 
-def test_the_readers_of_imports_and_trees():
-    source = "import a.b\nfrom a import c, d\ndef f():\n    from e import g"
-    assert imported(source, {"a", "a.c"}) == {"a.b", "a.c", "a", "e"}
-    assert set(circle({"a": {"b"}, "b": {"c"}, "c": {"b"}})) == {"b", "c"}
-    assert not circle({"a": {"b", "c"}, "b": {"c"}})
-    text = "before\n```text tree\na/    first\n  b/  second\n    c/\n  d.py\ne/\n```\n"
-    assert tree(text) == {PurePosixPath(path) for path in ("a", "a/b", "a/b/c", "a/d.py", "e")}
-
-
 def test_no_modules_import_each_other():
     ours = {name: names & modules().keys() for name, names in imports().items()}
     assert circle(ours) == []

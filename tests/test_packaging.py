@@ -42,10 +42,6 @@ def test_a_wheel_has_every_package():
     assert [str(path) for path in code if not (path.parent / "__init__.py").exists()] == []
 
 
-def test_packages_say_that_they_are_typed():
-    assert all((REPOSITORY / package / "py.typed").exists() for package in PACKAGES)
-
-
 def test_one_version_everywhere():
     citation = (REPOSITORY / "CITATION.cff").read_text()
     assert re.search(r"^version: (.*)$", citation, re.MULTILINE)[1] == hydroviews.__version__

@@ -3,12 +3,14 @@
 import json
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+MISSING = "bpy is not installed: pip install 'hydroviews[blender]'"
 SERVER = """
 import importlib, json, os, sys, traceback
 answers = os.fdopen(os.dup(1), "w")
@@ -23,6 +25,16 @@ for line in sys.stdin:
         answer = traceback.format_exc()
     print(json.dumps(answer), file=answers, flush=True)
 """
+
+
+def needs_blender(test: Callable) -> Callable:
+    """Marks a test that starts Blender processes."""
+    return pytest.mark.blender(pytest.mark.skipif(find_spec("bpy") is None, reason=MISSING)(test))
+
+
+def bakes(test: Callable) -> Callable:
+    """Marks a test whose lenses are baked by the kept process."""
+    return pytest.mark.usefixtures("kept")(needs_blender(test))
 
 
 class KeptBlender:

@@ -3,38 +3,33 @@ import signal
 import subprocess
 import sys
 import textwrap
-import time
 from functools import cache
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
+from kept_blender import needs_blender
+from processes import PATIENCE, wait_until
 from scipy.special import gamma
 
 from hydroviews.blender.embedded_scenes import captures, textures, textures_indoor
 from hydroviews.blender.embedded_scenes.camera_paths import place_cameras
 from hydroviews.blender.embedded_scenes.captures import EMBEDDED, read_embedded, render_embedded
-from hydroviews.blender.embedded_scenes.courtyard import AROUND
 from hydroviews.blender.embedded_scenes.embedded import DESIGNS
 from hydroviews.blender.embedded_scenes.looks import LOOKS
 from hydroviews.blender.embedded_scenes.meshes import (
     Mesh,
-    annulus,
     box,
     gable,
     joined,
-    knot,
     lathe,
-    lumpy,
     moved,
     pillow,
     prism,
-    rod,
     sphere,
 )
 from hydroviews.blender.embedded_scenes.pieces import Lamp, Piece
-from hydroviews.blender.embedded_scenes.room import BACK, FRONT, HALF_WIDTH, HEIGHT, ROOM
+from hydroviews.blender.embedded_scenes.room import BACK, FRONT, HALF_WIDTH, HEIGHT
 from hydroviews.blender.process import run_blender
 from hydroviews.errors import InputError
 from hydroviews.files.ownership import FILES
@@ -43,10 +38,6 @@ from hydroviews.scene.scenes import TEST_EVERY, no_points
 
 SIZE = (64, 48)
 VIEWS = 3
-
-needs_bpy = pytest.mark.skipif(
-    find_spec("bpy") is None, reason="bpy is not installed: pip install 'hydroviews[blender]'"
-)
 
 
 @pytest.fixture
@@ -67,66 +58,50 @@ def fake_bpy(tmp_path, monkeypatch):
     return install
 
 
-# Processes
+MISSING = "raise ModuleNotFoundError(\"No module named 'bpy'\", name='bpy')"
+BROKEN = "raise ImportError('libXrender.so.1: cannot open shared object file: No such file or directory')"
+DYING = """
+import os, signal
+os.write(1, b"terminate called\\n")
+os.kill(os.getpid(), signal.SIGABRT)
+"""
 
 
-def test_a_python_without_bpy_is_told_which_one_has_it(fake_bpy, tmp_path):
-    fake_bpy("raise ModuleNotFoundError(\"No module named 'bpy'\", name='bpy')")
-    with pytest.raises(InputError, match=r"(?s)bpy is not installed.*3\.11.*make setup"):
-        run_blender("bake_drops", {}, tmp_path / "log", "test")
-
-
-def test_missing_system_libraries_are_named_as_packages(fake_bpy, tmp_path):
-    fake_bpy("raise ImportError('libXrender.so.1: cannot open shared object file: No such file or directory')")
-    with pytest.raises(InputError, match=r"(?s)libXrender\.so\.1.*apt-get install.*libxrender1"):
-        run_blender("bake_drops", {}, tmp_path / "log", "test")
-
-
-def test_a_process_that_dies_is_reported_with_the_end_of_its_log(fake_bpy, tmp_path):
-    fake_bpy("""
-        import os, signal
-        os.write(1, b"terminate called\\n")
-        os.kill(os.getpid(), signal.SIGABRT)
-    """)
-    with pytest.raises(InputError, match=r"(?s)SIGABRT.*terminate called.*run the same command again"):
-        run_blender("bake_drops", {}, tmp_path / "log", "test")
-    assert "terminate called" in (tmp_path / "log").read_text()
-
-
-def test_a_process_that_fails_is_reported_with_its_traceback(fake_bpy, tmp_path):
-    fake_bpy("")
-    with pytest.raises(InputError, match=r"(?s)status 1.*no_such_module"):
-        run_blender("no_such_module", {}, tmp_path / "log", "test")
+@pytest.mark.parametrize(
+    ("bpy", "module", "message"),
+    [
+        (MISSING, "bake_drops", r"(?s)bpy is not installed.*3\.11.*make setup"),
+        (BROKEN, "bake_drops", r"(?s)libXrender\.so\.1.*apt-get install.*libxrender1"),
+        (DYING, "bake_drops", r"(?s)SIGABRT.*terminate called.*run the same command again"),
+        ("", "no_such_module", r"(?s)status 1.*no_such_module"),
+    ],
+    ids=["no bpy", "no system library", "dies", "fails"],
+)
+def test_what_stops_a_process_is_told(fake_bpy, tmp_path, bpy, module, message):
+    fake_bpy(bpy)
+    with pytest.raises(InputError, match=message):
+        run_blender(module, {}, tmp_path / "log", "test")
+    assert ("terminate called" in (tmp_path / "log").read_text()) == (bpy == DYING)
 
 
 def test_an_interrupted_call_ends_its_process(fake_bpy, tmp_path):
+    path = tmp_path / "pid"
     fake_bpy(f"""
         import os, signal, time
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-        with open({str(tmp_path / "pid")!r}, "w") as file:
+        with open({str(path)!r}, "w") as file:
             file.write(str(os.getpid()) + " ")
         time.sleep(60)
     """)
     call = f"from pathlib import Path; from hydroviews.blender.process import run_blender; \
         run_blender('bake_drops', {{}}, Path({str(tmp_path / 'log')!r}), 'test')"
     caller = subprocess.Popen([sys.executable, "-c", call], stderr=subprocess.PIPE)
-    pid = int(_wait_for(tmp_path / "pid"))
+    wait_until(lambda: path.exists() and path.read_text().endswith(" "), caller)
     caller.send_signal(signal.SIGINT)
-    assert caller.wait(20) != 0
+    assert caller.wait(PATIENCE) != 0
     caller.stderr.close()
     with pytest.raises(ProcessLookupError):
-        os.kill(pid, 0)
-
-
-def _wait_for(path: Path) -> str:
-    for _ in range(400):
-        if path.exists() and path.read_text().endswith(" "):
-            return path.read_text()
-        time.sleep(0.05)
-    raise TimeoutError(path)
-
-
-# Cameras
+        os.kill(int(path.read_text()), 0)
 
 
 @pytest.mark.parametrize("name", EMBEDDED)
@@ -143,29 +118,6 @@ def test_held_out_views_lie_between_two_training_views(n_views, name):
         # Nearly on the line between them: within the path's curvature.
         assert np.linalg.norm(centre - (before + after) / 2) < 0.15 * chord + 0.01
     assert len(np.unique(centres.round(6), axis=0)) == n_views
-
-
-@pytest.mark.parametrize("name", ["room", "street"])
-def test_an_arc_is_used_whole_and_not_left(name):
-    path = DESIGNS[name].path
-    for n_views in (3, 40, 100):
-        x, y = np.array([camera.centre[:2] - path.centre for camera in place_cameras(path, n_views, 64, 48, 0)]).T
-        along = (np.arctan2(y, x) - path.start) % (2 * np.pi)
-        assert np.all(along < path.span + 1e-9)
-        assert (np.ptp(along) > 0.99 * path.span) == (n_views > 3)
-
-
-def test_cameras_look_at_the_courtyard_upright():
-    for camera in place_cameras(AROUND, 40, 64, 48, 3):
-        pixel, depth = camera.project([[0.0, 0.0, 1.15], [0.0, 0.0, 2.15]])
-        assert np.all(depth > 4)
-        assert np.all(np.abs(pixel[0] - (32, 24)) < 8)
-        assert pixel[1, 1] < pixel[0, 1]
-        np.testing.assert_allclose(camera.rotation @ camera.rotation.T, np.eye(3), atol=1e-12)
-        assert np.linalg.det(camera.rotation) > 0
-
-
-# Shapes and textures
 
 
 def edges(mesh: Mesh) -> list[tuple[int, int]]:
@@ -195,18 +147,6 @@ def volume(mesh: Mesh) -> float:
 def test_solids_are_closed_and_face_outwards(mesh, expected):
     assert volume(mesh) == pytest.approx(expected, rel=0.02)
     assert sorted(edges(mesh)) == sorted((b, a) for a, b in edges(mesh))
-
-
-def test_lumps_and_knots_are_closed_and_face_outwards(rng):
-    for mesh in (lumpy(sphere(1), rng, 0.1, 2.0), knot(1.0, 0.2)):
-        assert volume(mesh) > 1
-        assert sorted(edges(mesh)) == sorted((b, a) for a, b in edges(mesh))
-
-
-def test_ground_faces_up():
-    mesh = annulus([1, 2, 3], np.zeros((3, 8)))
-    a, b, c = (mesh.vertices[[face[i] for face in mesh.faces]] for i in range(3))
-    assert np.all(np.cross(b - a, c - a)[:, 2] > 0)
 
 
 @pytest.mark.parametrize(
@@ -255,17 +195,16 @@ def test_the_same_seed_builds_the_same_scene(name):
     assert any(not np.array_equal(one.mesh.vertices, vertices.get(one.name)) for one, _ in pairs)
 
 
-@pytest.mark.parametrize("name", EMBEDDED)
-def test_all_materials_are_known(name):
-    pieces = [thing for thing in made(name) if isinstance(thing, Piece)]
-    assert {piece.material for piece in pieces} <= set(LOOKS)
+def eyes_of(name: str) -> np.ndarray:
+    """Where cameras of three seeds stand [N, 3]."""
+    seeds = range(3)
+    return np.array([c.centre for seed in seeds for c in place_cameras(DESIGNS[name].path, 60, 64, 48, seed)])
 
 
 @pytest.mark.parametrize("name", EMBEDDED)
 def test_no_camera_is_inside_anything(name):
-    path = DESIGNS[name].path
     around = ("cobbles", "lawn", "hills", "paving", "land", "panelling")  # ground, and what runs along the walls
-    eyes = np.concatenate([[c.centre for c in place_cameras(path, 60, 64, 48, seed)] for seed in range(3)])
+    eyes = eyes_of(name)
     for piece in made(name):
         if not isinstance(piece, Piece) or piece.name in around:
             continue
@@ -275,21 +214,10 @@ def test_no_camera_is_inside_anything(name):
 
 
 def test_cameras_stay_in_the_room_or_just_outside_its_glass():
-    eyes = np.concatenate([[c.centre for c in place_cameras(ROOM.path, 60, 64, 48, seed)] for seed in range(3)])
+    eyes = eyes_of("room")
     assert np.all(np.abs(eyes[:, 0]) < HALF_WIDTH - 0.3)
     assert np.all((eyes[:, 1] > FRONT - 0.5) & (eyes[:, 1] < BACK - 0.3))
     assert np.all((eyes[:, 2] > 0.8) & (eyes[:, 2] < HEIGHT - 0.3))
-
-
-def test_a_rod_joins_its_ends():
-    for start, end in (((0, 0, 0), (0, 0, 2)), ((1, 2, 3), (3, 1, 0)), ((0, 0, 1), (-1, -1, 1))):
-        bar = rod(start, end, 0.1, segments=60)
-        length = np.linalg.norm(np.subtract(end, start))
-        assert volume(bar) == pytest.approx(np.pi * 0.01 * length, rel=0.01)
-        np.testing.assert_allclose(bar.vertices.mean(axis=0), np.add(start, end) / 2, atol=1e-9)
-
-
-# The captures
 
 
 @pytest.fixture(scope="module", params=EMBEDDED)
@@ -308,8 +236,7 @@ def files(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in found}
 
 
-@pytest.mark.blender
-@needs_bpy
+@needs_blender
 def test_points_project_to_the_pixels_and_depths_they_were_taken_from(capture):
     scene = read_embedded(*capture)
     assert [view.name for view in scene.views] == ["000", "001", "002"]
@@ -331,8 +258,7 @@ def test_points_project_to_the_pixels_and_depths_they_were_taken_from(capture):
     assert np.quantile(depth_error, 0.99) < 1e-3  # a few points meet a like pixel of another view by chance
 
 
-@pytest.mark.blender
-@needs_bpy
+@needs_blender
 def test_pictures_are_well_exposed_and_full_of_texture(capture):
     exposures = {"courtyard": (0.3, 0.6), "room": (0.3, 0.5), "street": (0.23, 0.4)}
     darkest, brightest = exposures.get(capture[0], (0.3, 0.5))
@@ -343,8 +269,7 @@ def test_pictures_are_well_exposed_and_full_of_texture(capture):
         assert np.abs(np.diff(image, axis=1)).mean() > 0.03
 
 
-@pytest.mark.blender
-@needs_bpy
+@needs_blender
 def test_only_sky_is_infinitely_far(capture):
     name, folder = capture
     farthest = {"courtyard": 70, "room": 50, "street": 150, "pond": 90, "market": 25}[name]
@@ -359,21 +284,17 @@ def test_only_sky_is_infinitely_far(capture):
             assert near.mean() > 0.9
 
 
-@pytest.mark.blender
-@needs_bpy
+@pytest.mark.parametrize("capture", ["street"], indirect=True)
+@needs_blender
 def test_lamps_of_the_street_saturate_and_light_their_surroundings(capture):
-    if capture[0] != "street":
-        pytest.skip("a scene without lamps in the dark")
     for view in read_embedded(*capture).views:
         image = view.image()
-        lamps = (image >= 1).any(axis=2)
-        assert 0.002 < lamps.mean() < 0.08
+        assert 0.002 < (image >= 1).any(axis=2).mean() < 0.08
         assert np.median(image) < 0.35
 
 
 @pytest.mark.parametrize("capture", ["room"], indirect=True)  # lit by the sun, lamps and windows: no other has all
-@pytest.mark.blender
-@needs_bpy
+@needs_blender
 def test_an_interrupted_capture_is_unfinished_and_resumes_to_the_same_bytes(capture):
     name, folder = capture
     whole = files(folder)
@@ -387,8 +308,7 @@ def test_an_interrupted_capture_is_unfinished_and_resumes_to_the_same_bytes(capt
     assert (folder / "images" / "000.png").stat().st_mtime_ns == kept
 
 
-@pytest.mark.blender
-@needs_bpy
+@needs_blender
 def test_a_finished_capture_is_left_alone_and_another_request_starts_over(capture, monkeypatch):
     name, folder = capture
     with monkeypatch.context() as patch:
@@ -412,3 +332,9 @@ def test_a_capture_needs_three_views_and_a_pixel(tmp_path, request_):
 def test_an_unknown_embedded_scene_names_the_known_ones(tmp_path):
     with pytest.raises(InputError, match=r"cellar.*(?s:.*)courtyard, room, street"):
         render_embedded("cellar", tmp_path, 3, 64, 48, 0)
+
+
+@pytest.mark.parametrize("name", EMBEDDED)
+def test_all_materials_are_known(name):
+    pieces = [thing for thing in made(name) if isinstance(thing, Piece)]
+    assert {piece.material for piece in pieces} <= set(LOOKS)

@@ -3,7 +3,7 @@ from collections import Counter
 import pytest
 
 from hydroviews.blender.embedded_scenes.captures import EMBEDDED
-from hydroviews.captures.catalogue.catalogue import all_captures, captures_root, find_captures, locate
+from hydroviews.captures.catalogue.catalogue import all_captures, find_captures, locate
 from hydroviews.dataset.suites import known_suites, read_suite
 from hydroviews.errors import InputError
 
@@ -54,14 +54,6 @@ def test_a_capture_is_found_in_every_usual_folder(tmp_path, folder):
     assert locate(garden, tmp_path / "elsewhere") is None
 
 
-def test_the_folder_of_captures(tmp_path, monkeypatch):
-    monkeypatch.delenv("HYDROVIEWS_CAPTURES", raising=False)
-    assert str(captures_root()) == "captures"
-    monkeypatch.setenv("HYDROVIEWS_CAPTURES", "/somewhere")
-    assert str(captures_root()) == "/somewhere"
-    assert captures_root(tmp_path) == tmp_path
-
-
 def test_the_papers_suite_is_the_papers_table():
     suite = read_suite("paper")
     by_effect = {
@@ -73,10 +65,6 @@ def test_the_papers_suite_is_the_papers_table():
         "streak": {"bicycle", "garden", "kitchen", "stump", "horse", "train", "truck"},
     }
     assert suite.patterns == (0, 1, 2)
-
-
-def test_there_are_suites():
-    assert {"demo", "paper"} <= set(known_suites())
 
 
 @pytest.mark.parametrize("name", known_suites())

@@ -7,11 +7,9 @@ import zlib
 import cv2
 import numpy as np
 import PIL.Image
-import pycolmap
 import pytest
 
 from hydroviews.captures.exif_orientation import common_turn, orientation, write_upright
-from hydroviews.captures.sfm import matching
 from hydroviews.errors import InputError
 from hydroviews.scene.images import image_size, read_image, read_pixels, write_png
 
@@ -101,18 +99,3 @@ def test_16_bits_stay_16_bits(tmp_path, suffix, tag):
     write_upright(source, target)
     assert orientation(target) == 1
     assert np.array_equal(read_pixels(target), np.rot90(colours, TURNS[tag]))
-
-
-def test_photographs_of_a_size_share_a_camera(tmp_path):
-    names = [f"{i}.jpg" for i in range(5)]
-    for i, name in enumerate(names):
-        photograph(tmp_path / "images" / name, (320, 240) if i < 3 else (240, 320), seed=i)
-    matching.register(tmp_path / "d.db", tmp_path / "images", names, "SIMPLE_RADIAL", shared=True)
-    matching.extract(tmp_path / "d.db", tmp_path / "images", names, "SIMPLE_RADIAL")
-    with pycolmap.Database.open(tmp_path / "d.db") as database:
-        images = [database.read_image_with_name(name) for name in names]
-        assert all(len(database.read_keypoints(image.image_id)) for image in images)
-        cameras = [database.read_camera(image.camera_id) for image in images]
-    assert len({camera.camera_id for camera in cameras}) == 2
-    assert all(camera.has_prior_focal_length for camera in cameras)
-    assert cameras[0].focal_length == pytest.approx(320 * 26 / 36, rel=0.1)  # full frame is 36 mm wide

@@ -55,13 +55,3 @@ def test_one_view_and_views_without_features():
     assert [mask.tolist() for mask in on_the_lens([one], RADIUS)] == [[False] * 5]
     assert [len(mask) for mask in on_the_lens([none, one, none, one], RADIUS)] == [0, 5, 0, 5]
     assert [len(mask) for mask in on_the_lens([none, none], RADIUS)] == [0, 0]
-
-
-def test_beside_leaves_out_what_is_there():
-    keypoints = np.float32([[0, 0, 1, 0], [10, 0, 1, 0]])
-    own = Features(keypoints, np.zeros((2, 128), np.uint8))
-    others = moved(own, np.float32(1))
-    assert len(own.beside(others, 1.5)) == 2
-    assert own.beside(others, 0.5).keypoints[:, 0].tolist() == [0, 10, 1, 11]
-    none = own.where(np.zeros(2, bool))
-    assert len(none.beside(own, 1.0)) == len(own.beside(none, 1.0)) == 2

@@ -169,13 +169,13 @@ def test_a_family_in_a_family_is_ended_with_it(monkeypatch):
     assert not Family().mark.startswith(inner.mark)
 
 
-def test_a_child_has_nothing_to_read_and_its_status_is_given_back():
-    code = "import sys; sys.exit(7 if sys.stdin.read() == '' else 0)"
-    assert run_child([sys.executable, "-c", code], subprocess.Popen.kill) == 7
-
-
 def test_a_worker_that_is_ended_prints_no_stack_trace():
     code = "import signal, hydroviews.scene.lenses; signal.raise_signal(signal.SIGTERM)"
     environment = {**os.environ, "PYTHONPATH": str(REPOSITORY)}
     process = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False)
     assert (process.returncode, process.stdout, process.stderr) == (-signal.SIGTERM, "", "")
+
+
+def test_a_child_has_nothing_to_read_and_its_status_is_given_back():
+    code = "import sys; sys.exit(7 if sys.stdin.read() == '' else 0)"
+    assert run_child([sys.executable, "-c", code], subprocess.Popen.kill) == 7

@@ -4,7 +4,7 @@ import time
 import pytest
 
 from hydroviews.cli import threads
-from hydroviews.cli.threads import processors, side_by_side
+from hydroviews.cli.threads import side_by_side
 
 
 @pytest.fixture(autouse=True)
@@ -47,14 +47,3 @@ def test_what_fails_is_raised_in_its_place_and_nothing_more_is_begun():
     with pytest.raises(ValueError, match="item 2"):
         next(results)
     assert max(begun) <= 3
-
-
-def test_one_processor_works_on_one_at_a_time(monkeypatch):
-    monkeypatch.setattr(threads, "processors", lambda: 1)
-    names = set()
-    assert list(side_by_side(lambda item: names.add(threading.current_thread().name) or item, range(5))) == [*range(5)]
-    assert len(names) == 1
-
-
-def test_there_is_a_processor():
-    assert processors() >= 1

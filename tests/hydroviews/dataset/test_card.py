@@ -7,13 +7,11 @@ from synthetic import capture_in
 
 from hydroviews.dataset.build import build
 from hydroviews.dataset.card.card import Licence, find_licence, keep_licence
-from hydroviews.dataset.card.markdown import describe_rain
 from hydroviews.dataset.checks.verify import verify
-from hydroviews.dataset.manifest import built_scenes, read_manifest
+from hydroviews.dataset.manifest import built_scenes
 from hydroviews.dataset.statistics import read_statistics
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
-from hydroviews.formats.tables.markdown import markdown_table
 
 
 @pytest.fixture
@@ -66,12 +64,6 @@ def test_the_card_says_what_the_files_say(built):
     assert verify(built.parent) == []
 
 
-def test_the_card_names_a_technique_that_is_not_the_default(tmp_path):
-    folder = build(capture_in(tmp_path / "yard"), tmp_path / "data", patterns=[], lens_renderer="aperture")
-    assert "--seed 0" in (folder / "README.md").read_text()
-    assert "--lens-renderer aperture" in (folder / "README.md").read_text()
-
-
 def test_the_same_scene_gives_the_same_card_elsewhere(built, tmp_path):
     scene = capture_in(tmp_path / "other" / "yard")
     again = build(scene, tmp_path / "again", patterns=STREAKS, seed=5, source=str(tmp_path / "other" / "yard"))
@@ -80,21 +72,9 @@ def test_the_same_scene_gives_the_same_card_elsewhere(built, tmp_path):
     assert card.partition("From `licence")[0] == other.partition("The photographs' licence")[0]
 
 
-def test_scenes_are_found_by_data_folder_and_by_their_own(built):
-    assert built_scenes(built.parent) == [built]
-    assert built_scenes(built) == [built]
-    assert built_scenes(built.parent, "yard") == [built]
-    for folder, scene in ((built.parent, "other"), (built.parents[1], ""), (built / "clean", "")):
-        with pytest.raises(InputError, match="no finished scene"):
-            built_scenes(folder, scene)
-    assert set(read_manifest(built.parent)["scenes"]) == {"yard"}
-
-
-def test_words_and_tables():
-    assert describe_rain("raindrop", {"coverage": 0.12, "droplets": 300, "seed": 1}) == (
-        "large drops over 12% of the picture, 300 droplets between them"
-    )
-    assert describe_rain("captured", {}) == "it rained when the photographs were taken"
-    assert "pattern.json" in describe_rain("hail", {"stones": 3})
-    table = markdown_table(("a", "empty", "b"), [(1, "", 2), (3, "", "")])
-    assert table.splitlines() == ["| a | b |", "| --- | --- |", "| 1 | 2 |", "| 3 |  |"]
+@pytest.mark.parametrize(("place", "scene"), [("data", "other"), (".", ""), ("data/yard/clean", "")])
+def test_scenes_are_found_by_data_folder_and_by_their_own(finished, place, scene):
+    data = finished / "data"
+    assert built_scenes(data) == built_scenes(data / "yard") == built_scenes(data, "yard") == [data / "yard"]
+    with pytest.raises(InputError, match="no finished scene"):
+        built_scenes(finished / place, scene)

@@ -1,28 +1,14 @@
-from pathlib import Path
-
 import numpy as np
 import pytest
 from commands import command
-from synthetic import capture_in
 
-from hydroviews.dataset.build import build
-from hydroviews.dataset.card.contact_sheet import spread, write_sheets
+from hydroviews.dataset.card.contact_sheet import write_sheets
 from hydroviews.dataset.checks.verify import verify
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import read_json, write_bytes, write_json
-from hydroviews.formats.capture_json import CAPTURED
-from hydroviews.formats.read import read_scene
-from hydroviews.formats.writers import write_colmap
+from hydroviews.files.atomic import read_json, write_json
 from hydroviews.rain.layers import write_layers
-from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.registry import find_effect
 from hydroviews.scene.images import read_image, to_srgb, to_uint8
-from hydroviews.scene.picture_grid import GAP, MARGIN, PAPER, Row, Tile, draw_sheet, write
-
-
-@pytest.fixture
-def built(tmp_path) -> Path:
-    return build(capture_in(tmp_path / "capture" / "yard"), tmp_path / "data", patterns=[Pattern("streak", 1)])
 
 
 def test_sheets_show_the_views_and_leave_the_scene_as_it_was(built):
@@ -71,29 +57,10 @@ def holds(sheet: np.ndarray, picture: np.ndarray) -> bool:
     return False
 
 
-def test_a_scene_without_rain_has_one_sheet(tmp_path):
-    folder = build(capture_in(tmp_path / "capture" / "yard"), tmp_path / "data", patterns=[])
-    assert [path.name for path in write_sheets(folder, tmp_path / "out")] == ["yard.png"]
-    for columns in (0, 400):
-        with pytest.raises(InputError, match="at least 1, at most 40"):
-            write_sheets(folder, columns=columns)
-
-
-def test_a_scene_captured_in_rain_has_its_own_row(tmp_path):
-    capture = tmp_path / "capture" / "yard"
-    write_colmap(capture_in(capture), capture / "sparse" / "0")
-    (capture / "capture.json").write_text('{"rain": "captured"}')
-    folder = build(read_scene(capture), tmp_path / "data", patterns=[])
-    (path,) = write_sheets(folder, columns=2)
-    picture = to_uint8(read_image(folder / CAPTURED / "images" / "view-02.png"))
-    assert holds(to_uint8(read_image(path)), picture)
-
-
-def test_statistics_that_lack_a_view_are_told(built):
-    path = built / "streak-1" / "statistics.csv"
-    write_bytes(path, b"".join(path.read_bytes().splitlines(keepends=True)[:3]))
-    with pytest.raises(InputError, match=r"statistics\.csv: no row for view-03\n.*2 rows"):
-        write_sheets(built)
+@pytest.mark.parametrize("columns", [0, 400])
+def test_sheets_have_some_columns_and_not_too_many(built, columns):
+    with pytest.raises(InputError, match="at least 1, at most 40"):
+        write_sheets(built, columns=columns)
 
 
 def test_the_command(built):
@@ -104,38 +71,3 @@ def test_the_command(built):
     wrong = command(*line, "--scene", "other")
     assert wrong.returncode == 2
     assert "no finished scene other" in wrong.stderr
-
-
-@pytest.mark.parametrize(("count", "expected"), [(1, "c"), (2, "bd"), (3, "ace"), (9, "abcde")])
-def test_views_are_spread_evenly(count, expected):
-    assert "".join(spread(list("abcde"), count)) == expected
-
-
-def test_tiles_are_shrunk_not_enlarged_and_the_sheet_keeps_its_width():
-    large, small = np.full((300, 900, 3), 0.5), np.zeros((30, 40, 3))
-    sheet = draw_sheet("title", "remark", [Row("a", "", [Tile(large, "one")] * 3), Row("b", "", [Tile(small)])], 1000)
-    assert sheet.shape[1] <= 1000
-    grey = (sheet == 128).all(-1).sum(axis=1)
-    side = (1000 - 2 * MARGIN + GAP) // 3 - GAP
-    assert grey.max() == 3 * side
-    assert (sheet == 0).all(-1).sum() >= 30 * 40
-    assert draw_sheet("t", "", [Row("b", "", [Tile(small)])], 1000).shape[1] == 40 + 2 * MARGIN
-
-
-def test_letters_stay_in_their_room():
-    canvas = np.full((40, 300, 3), PAPER, np.uint8)
-    end = write(canvas, "a long caption that does not fit", 20, 20, 18, 0, limit=100)
-    written = np.flatnonzero((canvas < PAPER).any(axis=(0, 2)))
-    assert written.min() >= 20
-    assert written.max() < end <= 121
-    assert write(canvas, "", 7, 20, 18, 0, limit=100) == 7
-    assert write(canvas, "no room", 7, 20, 18, 0, limit=3) == 7
-
-
-def test_letters_lose_their_marks_and_others_are_question_marks():
-    drawn = []
-    for text in ("B\u00e4ume", "Ba\u0308ume", "Baume", "B\u6c34ume", "B?ume"):
-        drawn.append(np.full((40, 300, 3), PAPER, np.uint8))
-        write(drawn[-1], text, 0, 20, 18, 0, limit=300)
-    same = [[np.array_equal(a, b) for a in drawn] for b in drawn]
-    assert same == np.kron(np.eye(2, dtype=bool), np.ones((3, 3), bool))[:5, :5].tolist()

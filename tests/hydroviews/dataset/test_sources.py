@@ -98,20 +98,13 @@ def test_a_capture_is_read_by_name(root, source):
     assert not scene.captured_rainy
 
 
-def test_the_environment_names_the_folder(root, monkeypatch):
-    monkeypatch.setenv("HYDROVIEWS_CAPTURES", str(root))
-    assert find("garden").name == "mipnerf360_garden"
-
-
 @pytest.mark.parametrize(
     ("long_side", "published_for", "folder"),
     [
         (1600, "images_4", "images_4"),  # never larger than what results are published for
-        (1600, "images_2", "images_2"),
         (25, "images_2", "images_2"),
         (24, "images_2", "images_4"),
         (20, "images_4", "images_4"),
-        (12, "images_4", "images_8"),
         (5, "images", "images_8"),
     ],
 )
@@ -137,26 +130,28 @@ def test_an_embedded_scene_wins_over_a_published_one(root, monkeypatch):
     assert find("mipnerf360/room", root).name == "mipnerf360_room"
 
 
+@pytest.mark.parametrize(
+    ("source", "message"),
+    [
+        ("tanksandtemples/horse", "has no horse"),
+        ("mipnerf360", r"several captures[\s\S]*mipnerf360/stump"),
+        ("moon", r"SCENE=moon: no such capture[\s\S]*mipnerf360/garden"),
+        ("mipnerf360/moon", r"SCENE=mipnerf360/moon: no such capture[\s\S]*mipnerf360/garden"),
+        ("my/yard", r"SCENE=my/yard: no such folder"),  # meant as a path
+    ],
+)
+def test_what_is_not_there_is_named(root, source, message):
+    with pytest.raises(InputError, match=message):
+        find(source, root)
+
+
 def test_what_is_not_there_says_where_to_get_it(root):
     with pytest.raises(InputError) as error:
         find("mipnerf360/bicycle", root)
-    text = str(error.value)
-    assert str(root / "360_v2" / "bicycle") in text
-    assert str(root / "mipnerf360_bicycle") in text
-    assert "hydroviews download mipnerf360/bicycle" in text
-    assert "https://storage.googleapis.com/gresearch/refraw360/360_v2.zip" in text
-    assert "HYDROVIEWS_CAPTURES" in text
-    with pytest.raises(InputError, match="has no horse"):
-        find("tanksandtemples/horse", root)
-    with pytest.raises(InputError, match=r"several captures[\s\S]*mipnerf360/stump"):
-        find("mipnerf360", root)
-    for name in ("moon", "mipnerf360/moon"):
-        with pytest.raises(InputError, match=rf"SCENE={name}: no such capture[\s\S]*mipnerf360/garden"):
-            find(name, root)
-    with pytest.raises(InputError, match=r"SCENE=my/yard: no such folder") as error:  # meant as a path
-        find("my/yard", root)
-    assert str(Path.cwd()) in str(error.value)
-    assert "garden" not in str(error.value)
+    said = [str(root / "360_v2" / "bicycle"), str(root / "mipnerf360_bicycle"), "HYDROVIEWS_CAPTURES"]
+    said += ["hydroviews download mipnerf360/bicycle"]
+    said += ["https://storage.googleapis.com/gresearch/refraw360/360_v2.zip"]
+    assert [one for one in said if one not in str(error.value)] == []
 
 
 def test_own_captures_by_path_or_by_name_in_the_folder(root, tmp_path):
@@ -171,20 +166,12 @@ def test_own_captures_by_path_or_by_name_in_the_folder(root, tmp_path):
     assert find("./garden", root).name == "garden"
 
 
-def test_a_wrong_pattern_is_told_before_anything_is_rendered(tmp_path):
-    with pytest.raises(InputError, match="PATTERNS=streak: no such rain pattern"):
-        build_source("courtyard", tmp_path / "data", find_profile("demo"), patterns=["streak"])
-    assert not (tmp_path / "data").exists()
-
-
 def test_a_scene_captured_in_rain_gets_none(tmp_path):
-    published(tmp_path / "root" / "waterdrops" / "church", {"images": SIZES["images"]})
-    folder = build_source(
-        "church", tmp_path / "data", find_profile("demo"), all_patterns=True, captures=tmp_path / "root"
-    )
+    root = tmp_path / "root"
+    published(root / "waterdrops" / "church", {"images": SIZES["images"]})
+    demo = find_profile("demo")
+    folder = build_source("church", tmp_path / "data", demo, all_patterns=True, captures=root)
     assert folder.name == "waterdrops_church"
     assert sorted(p.name for p in folder.iterdir() if p.is_dir()) == [CAPTURED, "sparse"]
     with pytest.raises(InputError, match="taken in rain"):
-        build_source(
-            "church", tmp_path / "data", find_profile("demo"), patterns=["streak-1"], captures=tmp_path / "root"
-        )
+        build_source("church", tmp_path / "data", demo, patterns=["streak-1"], captures=root)

@@ -1,16 +1,14 @@
-import time
-from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from hydroviews import metrics
-from hydroviews.dataset.statistics import measure_view, read_statistics, summarise, write_statistics
+from hydroviews.dataset.statistics import measure_view, read_statistics, write_statistics
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_bytes, write_json
 from hydroviews.rain.layers import read_layers, write_layers
-from hydroviews.rain.streaks.measures import mean_angle, seed_density, streak_angle
+from hydroviews.rain.streaks.measures import seed_density, streak_angle
 from hydroviews.rain.streaks.recipe import StreakPattern, composite, streak_layer
 from hydroviews.scene.images import read_image, to_linear, write_png
 
@@ -87,23 +85,6 @@ def test_the_scene_has_a_row_a_variant(built):
     assert row.psnr_mean == pytest.approx(views.psnr.mean(), abs=1e-5)
 
 
-def test_directions_of_179_and_1_degrees_lie_beside_each_other(built):
-    path = write_statistics(built, "streak-1")
-    read_statistics(path).assign(angle=[179.0, 1.0, 0.0]).to_csv(path, index=False)
-    row = summarise(built).iloc[0]
-    assert row.angle_max - row.angle_min == pytest.approx(2)
-    assert (row.angle_mean + 90) % 180 == pytest.approx(90, abs=0.1)
-
-
-def test_the_same_files_give_the_same_bytes_and_a_finished_table_is_kept(built, monkeypatch):
-    path = write_statistics(built, "streak-1")
-    first = path.read_bytes()
-    path.unlink()
-    assert write_statistics(built, "streak-1").read_bytes() == first
-    monkeypatch.setattr("hydroviews.dataset.statistics.measure_variant", None)
-    write_statistics(built, "streak-1")
-
-
 def test_a_missing_layer_and_another_size_are_told(built):
     (built / "streak-1" / "layers" / "001.exr").unlink()
     with pytest.raises(InputError, match=r"001\.exr: no such layer"):
@@ -123,23 +104,19 @@ def test_a_table_that_is_none_or_is_cut_short_is_told(built, length):
             read_statistics(path)
 
 
-def test_a_dry_view_has_an_infinite_psnr(built):
-    picture = np.full((20, 20, 3), 7, np.uint8)
-    dry = measure_view("a", picture, picture, {"S": np.zeros((20, 20), np.float32)}, _facts(STREAKS))
-    assert dry.psnr == float("inf")
-    assert (dry.angle, dry.seed_density) == (None, None)
+def test_a_dry_view_has_an_infinite_psnr_and_neither_angle_nor_density():
+    picture, facts = np.full((20, 20, 3), 7, np.uint8), {"effect": "streak", "parameters": vars(STREAKS)}
+    dry = measure_view("a", picture, picture, {"S": np.zeros((20, 20), np.float32)}, facts)
+    assert (dry.psnr, dry.angle, dry.seed_density) == (float("inf"), None, None)
+    assert seed_density(np.zeros((2, 3), np.float32), STREAKS) is None
 
 
-def _facts(pattern: StreakPattern) -> dict:
-    return {"effect": "streak", "parameters": vars(pattern)}
-
-
-@pytest.mark.parametrize("size", [(320, 240), (400, 300), (800, 533), (301, 533)])
-def test_measured_angle_is_theta(size):
-    for theta, length, width, n in product((40, 67, 90, 120), (20, 40), (3, 7), (100, 300)):
+@pytest.mark.parametrize("size", [(320, 240), (400, 300), (800, 533), (301, 533)], ids=str)
+@pytest.mark.parametrize("theta", [40, 67, 90, 120])
+def test_measured_angle_is_theta(size, theta):
+    for length, width, n in ((20, 3, 100), (20, 7, 300), (40, 3, 300), (40, 7, 100)):
         pattern = StreakPattern(n, length, float(theta), width)
-        layer = half(streak_layer(pattern, *size, np.random.default_rng(1)))
-        measured = streak_angle(layer)
+        measured = streak_angle(half(streak_layer(pattern, *size, np.random.default_rng(1))))
         assert measured is not None
         assert abs((measured - theta + 90) % 180 - 90) < 3, (pattern, measured)
 
@@ -147,42 +124,9 @@ def test_measured_angle_is_theta(size):
 @pytest.mark.parametrize("n", [100, 300])
 def test_measured_density_is_what_was_asked_for(n):
     measured = []
-    for seed in range(20):
+    for seed in range(8):
         pattern = StreakPattern(n, (20, 40)[seed % 2], (40.0, 90.0, 120.0)[seed % 3], (3, 7)[seed // 2 % 2])
         layer = half(streak_layer(pattern, 400, 300, np.random.default_rng(seed)))
         measured.append(seed_density(layer, pattern))
-    expected = n / 25600
-    drawn = 20 * 800 * 600
-    standard_error = np.sqrt(expected * (1 - expected) / drawn)
-    assert abs(np.mean(measured) - expected) < 4 * standard_error
-    assert np.abs(np.array(measured) / expected - 1).max() < 0.15
-
-
-def test_directions_of_pictures_that_are_known():
-    y, x = np.mgrid[:64, :96].astype(np.float32)
-    for angle in (0, 30, 90, 150, 179):
-        across = np.radians(angle)
-        stripes = np.sin(0.4 * (x * np.sin(across) + y * np.cos(across)))
-        measured = streak_angle(stripes.astype(np.float32))
-        assert measured is not None
-        assert abs((measured - angle + 90) % 180 - 90) < 0.5
-    assert streak_angle(np.ones((64, 64), np.float32)) is None
-    assert streak_angle(np.ones((3, 64), np.float32)) is None
-    assert mean_angle(np.array([178.0, 4.0])) == pytest.approx(1)
-    assert np.isnan(mean_angle(np.array([])))
-
-
-def test_tiny_pictures_have_no_density():
-    assert seed_density(np.zeros((2, 3), np.float32), STREAKS) is None
-
-
-def test_statistics_are_cheap(tmp_path):
-    rng = np.random.default_rng(0)
-    clean = rng.integers(0, 256, (300, 400, 3), np.uint8)
-    layer = half(streak_layer(STREAKS, 400, 300, rng))
-    seconds = []
-    for _ in range(5):
-        start = time.perf_counter()
-        measure_view("a", clean, clean[::-1], {"S": layer}, _facts(STREAKS))
-        seconds.append(time.perf_counter() - start)
-    assert min(seconds) < 0.1  # 30 ms where nothing else runs
+    assert np.mean(measured) == pytest.approx(n / 25600, rel=0.03)
+    assert np.abs(np.array(measured) * 25600 / n - 1).max() < 0.15

@@ -114,10 +114,3 @@ def test_ctrl_c_ends_the_wait(tmp_path, holder, caplog):
     with pytest.raises(KeyboardInterrupt), caplog.at_level(logging.WARNING), locked(tmp_path / "a", "busy"):
         pytest.fail("it was locked")
     assert f"busy for {socket.gethostname()}, process {holder.pid}" in caplog.text
-
-
-def test_a_lock_that_is_given_back_is_free(tmp_path):
-    with pytest.raises(RuntimeError), locked(tmp_path / "a"):
-        raise RuntimeError
-    with locked_if_free(tmp_path / "a") as free:
-        assert free

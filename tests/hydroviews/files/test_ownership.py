@@ -21,23 +21,13 @@ def claimed(tmp_path):
     return folder
 
 
-def test_what_was_written_is_ours_and_nothing_else(claimed):
-    assert ownership.is_ours(claimed / "a.png")
-    assert ownership.is_ours(claimed / "below" / "b é\n.png")
-    assert not ownership.is_ours(claimed / "below" / "mine.txt")
-    assert ownership.left_by_others(claimed) == [claimed / "below" / "mine.txt"]
-
-
 def test_removing_leaves_what_is_not_ours(claimed):
     assert ownership.remove(claimed) == [claimed / "below" / "mine.txt"]
     assert (claimed / "below" / "mine.txt").read_text() == "the user's"
     assert not (claimed / "a.png").exists()
     assert [path.name for path in (claimed / "below").iterdir()] == ["mine.txt"]
-
-
-def test_removing_what_is_ours_alone_removes_the_folder(claimed):
-    (claimed / "below" / "mine.txt").unlink()
-    (claimed / ".DS_Store").unlink()
+    for others in (claimed / "below" / "mine.txt", claimed / ".DS_Store"):
+        others.unlink()
     assert ownership.remove(claimed) == []
     assert not claimed.exists()
 

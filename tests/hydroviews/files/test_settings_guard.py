@@ -31,27 +31,13 @@ def test_other_settings_are_refused_with_what_differs(tmp_path):
 
 
 def test_overwriting_empties_the_folder_after_it_is_forgotten(tmp_path):
-    path, seen = tmp_path / "a" / "request.json", []
+    path, result, seen = tmp_path / "a" / "request.json", tmp_path / "a" / "result", []
     claim_folder(path, {"seed": 0}, **WORDS)
-    write_bytes(tmp_path / "a" / "result", b"old")
-    claim_folder(
-        path, {"seed": 1}, **WORDS, overwrite=True, forget=lambda: seen.append((tmp_path / "a" / "result").exists())
-    )
+    write_bytes(result, b"old")
+    claim_folder(path, {"seed": 1}, **WORDS, overwrite=True, forget=lambda: seen.append(result.exists()))
     assert seen == [True]
     assert visible(tmp_path / "a") == ["request.json"]
     assert read_json(path) == {"seed": 1}
-
-
-def test_overwriting_keeps_and_names_what_the_user_put_there(tmp_path, caplog):
-    folder = tmp_path / "a"
-    claim_folder(folder / "request.json", {"seed": 0}, **WORDS)
-    write_bytes(folder / "clean" / "0.png", b"old")
-    (folder / "clean" / "mine.png").write_bytes(b"a figure")
-    (folder / "notes.txt").write_text("years of work")
-    claim_folder(folder / "request.json", {"seed": 1}, **WORDS, overwrite=True)
-    assert visible(folder) == ["clean", "notes.txt", "request.json"]
-    assert visible(folder / "clean") == ["mine.png"]
-    assert f"{folder}: not written by HydroViews, and kept: clean/mine.png, notes.txt" in caplog.text
 
 
 def test_a_folder_without_a_list_is_never_emptied(tmp_path):
@@ -70,12 +56,6 @@ def test_files_of_unknown_origin_are_never_removed(tmp_path, overwrite):
         claim_folder(tmp_path / "request.json", {"seed": 0}, **WORDS, overwrite=overwrite)
     assert (tmp_path / "thesis.txt").read_text() == "years of work"
     claim_folder(tmp_path / "request.json", {"seed": 0}, **{**WORDS, "foreign": None})
-
-
-def test_hidden_files_are_no_foreign_ones(tmp_path):
-    (tmp_path / ".DS_Store").write_text("of a file manager")
-    claim_folder(tmp_path / "request.json", {"seed": 0}, **WORDS)
-    assert read_json(tmp_path / "request.json") == {"seed": 0}
 
 
 def test_a_claim_clears_leftovers(tmp_path):

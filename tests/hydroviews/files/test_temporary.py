@@ -6,9 +6,8 @@ from pathlib import Path
 import pytest
 from processes import PATIENCE
 
-from hydroviews.files.atomic import replacing
 from hydroviews.files.locks import locked_if_free
-from hydroviews.files.temporary import remove_leftovers, remove_leftovers_in, remove_tree, temporary_beside
+from hydroviews.files.temporary import remove_leftovers, remove_leftovers_in
 
 
 def test_leftovers_are_removed_and_all_else_stays(tmp_path):
@@ -30,13 +29,6 @@ def test_leftovers_are_removed_and_all_else_stays(tmp_path):
     assert {path for path in tmp_path.rglob("*") if path.name != "file"} == {folder, folder / "images", *kept}
 
 
-def test_a_files_leftovers_go_too(tmp_path):
-    for name in ("manifest.json", "another.json"):
-        (tmp_path / f".partial-host-0123-{name}").write_text("{")
-    remove_leftovers(tmp_path / "manifest.json")
-    assert [path.name for path in tmp_path.iterdir()] == [".partial-host-0123-another.json"]
-
-
 def test_leftovers_in_a_folder_go_and_those_below_it_stay(tmp_path):
     for folder in (tmp_path, tmp_path / "run"):
         folder.mkdir(exist_ok=True)
@@ -45,14 +37,6 @@ def test_leftovers_in_a_folder_go_and_those_below_it_stay(tmp_path):
     remove_leftovers_in(tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == [".lock-a.csv", "a.csv", "run"]
     assert len(list((tmp_path / "run").iterdir())) == 4
-
-
-def test_a_leftover_of_a_reused_process_number_is_removed(tmp_path):
-    """Some other process has the number by now, or had it in another container all along."""
-    leftover = tmp_path / f".partial-{os.getpid()}-a.json"
-    leftover.write_text("{")
-    remove_leftovers(tmp_path)
-    assert not leftover.exists()
 
 
 WRITER = """
@@ -115,15 +99,3 @@ def test_a_folder_that_another_process_removes_meanwhile_is_passed_over(tmp_path
     remove_leftovers(tmp_path)
     assert not gone.exists()
     assert not leftover.exists()
-
-
-def test_trees_and_temporary_folders_leave_no_trace(tmp_path):
-    with replacing(tmp_path / "a" / "file") as temporary:
-        temporary.write_text("whole")
-    with pytest.raises(RuntimeError), temporary_beside(tmp_path / "a") as folder:
-        (folder / "deep").mkdir(parents=True)
-        raise RuntimeError
-    assert [path.name for path in tmp_path.iterdir()] == ["a"]
-    remove_tree(tmp_path / "a")
-    remove_tree(tmp_path / "a")
-    assert not list(tmp_path.iterdir())

@@ -4,10 +4,8 @@ import json
 import shutil
 
 import pytest
-from in_the_way import KINDS, not_for_ever, swap
 from painted_room import scene_in_room, write_room
 
-from hydroviews.errors import InputError
 from hydroviews.formats.read import has_cameras, read_scene
 
 NAMES = [f"view-{i:02d}" for i in range(9)]
@@ -51,11 +49,6 @@ def test_the_table_of_nerf_in_the_wild(capture):
     train, test, said = split_of(capture)
     assert (train, test) == (TRAIN[:-1], TEST)
     assert "split of room.tsv: 5 views to train on, 3 held out; 1 in neither left out" in said
-
-
-def test_another_table_is_none_of_a_split(capture):
-    (capture / "gps.tsv").write_text("name\tlatitude\nview-00\t1\n")
-    assert split_of(capture)[1] == ("view-00", "view-08")
 
 
 def test_a_split_of_other_photographs_is_not_used_and_told(capture, caplog):
@@ -102,14 +95,3 @@ def test_a_file_for_each_part(nerfstudio):
     said = "split of transforms_train.json, transforms_val.json, transforms_test.json: 6 views to train on, 2 held out"
     assert f"{said}; 1 in neither left out" in scene.notes
     assert scene.views[0].camera.fx == pytest.approx(0.8 * 96, rel=1e-3)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("name", ["train_list.txt", "room.tsv", "split.json", "capture.json"])
-def test_what_is_no_file_is_named(capture, name, kind):
-    with_lists(capture)
-    if name == "room.tsv":
-        (capture / "train_list.txt").unlink()
-    swap(capture / name, kind)
-    with not_for_ever(), pytest.raises(InputError, match=rf"{name}: not a file\n  found: a {kind}"):
-        read_scene(capture)

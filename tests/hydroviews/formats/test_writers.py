@@ -3,13 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pycolmap
 import pytest
-from captures import capture
 from plyfile import PlyData
 from synthetic import capture_in
 
 from hydroviews.formats.colmap import read_colmap
 from hydroviews.formats.nerfstudio import read_nerfstudio
-from hydroviews.formats.read import read_scene
 from hydroviews.formats.writers import write_colmap, write_nerfstudio
 from hydroviews.scene.images import write_png
 from hydroviews.scene.scenes import no_points
@@ -96,20 +94,3 @@ def test_failed_write_leaves_the_old_model_and_nothing_else(tmp_path, scene):
         write_colmap(damaged, folder)
     assert (folder / "images.bin").read_bytes() == before
     assert [p.name for p in folder.parent.glob("[!.]*")] == ["0"]
-
-
-def test_real_capture_round_trip(tmp_path):
-    scene = read_scene(capture("llff_flower"))
-    write_colmap(scene, tmp_path / "sparse" / "0")
-    write_nerfstudio(scene, tmp_path / "transforms.json", "images")
-    for view in scene.views:
-        write_png(tmp_path / "images" / f"{view.name}.png", view.image())
-    read = read_scene(tmp_path)
-    assert_same_cameras(read, scene)
-    np.testing.assert_array_equal(read.points.positions, scene.points.positions)
-    assert read.split == scene.split
-    (tmp_path / "sparse" / "0" / "cameras.bin").unlink()
-    read = read_scene(tmp_path)
-    assert read.notes[0].startswith("cameras from transforms.json: 34 of 34")
-    assert_same_cameras(read, scene)
-    assert len(read.points) == len(scene.points)

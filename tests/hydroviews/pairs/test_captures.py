@@ -71,23 +71,6 @@ def test_a_source_gives_as_many_companions_as_it_is_asked_for(lenses):
     assert mist.shape == (32, 32, 4)
 
 
-def test_a_family_that_is_left_out_never_occurs(lenses, monkeypatch):
-    drawn = []
-
-    def recorded(picture, kind, *rest):
-        drawn.append(kind)
-        return draw_rain(picture, kind, *rest)
-
-    monkeypatch.setattr("hydroviews.pairs.rainy_pairs.draw_rain", recorded)
-    pool = {(WIDTH, HEIGHT): tuple(lenses)}
-    for left_out, absent in (("window", {"window"}), ("lines", {"lines", "mixed"})):
-        drawn.clear()
-        source = DrawnRain([{96: photograph()}], pool, shares_without(left_out))
-        for seed in range(60):
-            source.pair(generator(seed))
-        assert set(drawn) == KINDS.keys() - absent
-
-
 def test_mist_alone_is_of_the_families_that_are_left():
     """The data set's own mist is always put on in linear light, the recipes' often is not."""
     others = {"window", "raindrop", "streak"}, {"pane", "lines"}

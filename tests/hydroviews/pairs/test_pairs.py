@@ -4,8 +4,7 @@ from wet import HEIGHT, WIDTH, lens, photograph
 
 from hydroviews.errors import InputError
 from hydroviews.pairs.drawing import KINDS, draw_rain, shares_without
-from hydroviews.pairs.exposure import LINEAR, air_light, draw_exposure, exposed
-from hydroviews.pairs.mist_alone import draw_mist_alone
+from hydroviews.pairs.exposure import LINEAR, air_light
 from hydroviews.pairs.photographs import fit_frame, frame_of, frames, read_photographs, split_photographs
 from hydroviews.pairs.raindrops import draw_mist, wet_lens
 from hydroviews.rain.lens.optics.bake import moment_of
@@ -54,13 +53,6 @@ def test_rain_depends_on_the_seed_alone(kind, lenses):
 
 
 @pytest.mark.parametrize("kind", ["window", "pane"])
-def test_drops_and_mist_come_together_and_alone(kind, lenses):
-    covers = [draw_rain(photograph(), kind, lenses, generator(seed, kind)).cover for seed in range(60)]
-    found = {((cover[..., 1] > 0).any(), (cover[..., 2] > 0).any()) for cover in covers}
-    assert found == {(True, True), (True, False), (False, True)}
-
-
-@pytest.mark.parametrize("kind", ["window", "pane"])
 def test_known_mist_is_all_that_is_between_drops(kind, lenses):
     """The pair's two planes of mist make the rainy picture of the clean one if nothing is blurred."""
     uniform = np.full((HEIGHT, WIDTH, 3), 90, np.uint8)
@@ -91,11 +83,6 @@ def test_shares_add_up_and_families_can_be_left_out():
         shares_without(*KINDS)
 
 
-def test_a_window_needs_a_window():
-    with pytest.raises(ValueError, match="a window"):
-        draw_rain(photograph(), "window", [lens()], generator(0))
-
-
 def test_mist_is_composited_in_linear_light_with_the_light_of_the_air():
     picture, wet = photograph(), lens(drops=False)
     pattern = draw_mist(wet, generator(5))
@@ -116,30 +103,6 @@ def test_drops_show_what_light_paths_bring():
     np.testing.assert_array_equal(mask, lens().matte.mask)
     np.testing.assert_allclose(rainy[30, 40], picture[0, 0] / 255, atol=1e-3)
     np.testing.assert_allclose(rainy[:20], picture[:20] / 255, atol=1e-3)
-
-
-def test_small_pictures_in_mist_are_brighter_where_it_is_and_sometimes_dry():
-    picture, others = photograph(0, 128, 128), photograph(1, 128, 128)[None]
-    pairs = [draw_mist_alone(np.stack([picture, others[0]]), generator(seed)) for seed in range(20)]
-    assert {pair[0].shape for pair in pairs} == {(2, 128, 128, 3)}
-    dry_ones = [pair for pair in pairs if not pair[2].any()]
-    misty_ones = [pair for pair in pairs if pair[2].any()]
-    assert 0 < len(dry_ones) < 10
-    assert all(np.allclose(rainy, clean, atol=1e-6) for rainy, clean, _ in dry_ones)
-    contrast = [float(rainy.std() / clean.std()) for rainy, clean, _ in misty_ones]
-    assert max(contrast) < 1
-    assert min(contrast) < 0.7
-
-
-def test_strengths_cover_the_grades():
-    levels = [draw_mist(lens(), generator(seed, "mist")).mist for seed in range(300)]
-    assert 0.05 < np.mean(np.array(levels) == 0) < 0.3
-    assert max(levels) > 0.85
-    assert 0.03 < np.median(levels) < 0.3
-
-
-def test_linear_table_is_the_encoding():
-    np.testing.assert_allclose(to_srgb(LINEAR) * 255, np.arange(256), atol=1e-3)
 
 
 def test_frames_are_the_benchmarks_size_in_both_directions(tmp_path):
@@ -165,10 +128,3 @@ def test_every_tenth_photograph_by_name_is_held_out(tmp_path):
     assert len(split.training) == 22
     with pytest.raises(InputError, match="no such folder"):
         split_photographs(tmp_path / "nothing")
-
-
-def test_exposures_are_darker_and_keep_order():
-    picture = photograph()
-    darker = exposed(picture, draw_exposure(generator(0)))
-    assert (darker <= picture).all()
-    assert darker.mean() > 0.3 * picture.mean()

@@ -1,15 +1,11 @@
-from dataclasses import replace
-
-import cv2
 import numpy as np
 import pytest
 from wet import HEIGHT, WIDTH, photograph
 
-from hydroviews.pairs.camera import compressed, noisy
-from hydroviews.pairs.recipes.compositing import ENCODED, LINEAR, Space, draw_space, put_over
+from hydroviews.pairs.camera import noisy
+from hydroviews.pairs.recipes.compositing import ENCODED, LINEAR, Space
 from hydroviews.pairs.recipes.lines import draw_lines
-from hydroviews.pairs.recipes.mist import THICKEST, draw_light, draw_thick_level, draw_wiped
-from hydroviews.pairs.recipes.panes import Pane, draw_mist, draw_pane
+from hydroviews.pairs.recipes.panes import Pane, draw_pane
 from hydroviews.scene.images import to_linear, to_srgb
 from hydroviews.scene.seeds import generator
 
@@ -32,56 +28,6 @@ def test_mist_is_mixed_in_any_space(space):
     assert not Pane(0 * veil, LIGHT, space).mist().any()
 
 
-def test_spaces_are_linear_encoded_and_between():
-    drawn = [draw_space(generator(seed)) for seed in range(60)]
-    assert {LINEAR, ENCODED} < set(drawn)
-    between = [space.gamma for space in drawn if not space.linear and space != ENCODED]
-    assert 1 < min(between) < 1.4
-    assert 2 < max(between) <= 2.4
-
-
-def test_a_screen_only_brightens():
-    light = np.full_like(PICTURE, 0.4)
-    seen = put_over(PICTURE, light[..., :1], light, True)
-    np.testing.assert_allclose(1 - seen, (1 - PICTURE) * 0.6, atol=1e-6)
-    np.testing.assert_allclose(put_over(PICTURE, light[..., :1], light, False), 0.6 * PICTURE + 0.4, atol=1e-6)
-
-
-def test_mist_is_as_thick_as_asked_for_and_of_many_forms():
-    panes = [draw_mist(generator(seed), 96, 64, 0.8) for seed in range(40)]
-    veils = [pane.veil for pane in panes]
-    assert all(0 <= veil.min() <= veil.max() <= 0.8 + 1e-6 for veil in veils)
-    free = [float((veil < 0.02).mean()) for veil in veils]
-    assert min(free) == 0
-    assert max(free) > 0.5  # steep mist is absent from most of a picture
-    spread = [float(veil.std()) for veil in veils]
-    assert min(spread) < 0.1
-    assert max(spread) > 0.25
-    assert {pane.blur > 0 for pane in panes} == {True, False}
-    levels = [draw_thick_level(generator(seed)) for seed in range(60)]
-    assert 0.1 <= min(levels) < 0.3
-    assert 0.8 < max(levels) <= THICKEST
-    lights = np.stack([draw_light(generator(seed)) for seed in range(60)])
-    casts = lights.max(axis=1) / lights.min(axis=1)
-    assert casts.min() < 1.03
-    assert casts.max() > 1.15
-    assert lights.min() < 0.55
-    assert lights.max() > 0.95
-
-
-def test_larger_drops_wipe_mist_and_small_ones_do_not():
-    cover = np.zeros((200, 300), np.float32)
-    cv2.circle(cover, (150, 100), 14, 1, -1)
-    cover[20, 20] = 1
-    for seed in range(8):
-        wiped = draw_wiped(generator(seed), cover)
-        assert wiped.min() >= 0
-        assert wiped.max() <= 1
-        assert wiped[100, 150] >= 0.45
-        assert wiped[20, 20] == 0
-        assert wiped[190, 10] == 0
-
-
 def test_the_scene_behind_mist_is_less_sharp():
     veil = np.zeros((HEIGHT, WIDTH), np.float32)
     veil[:, 48:] = 0.5
@@ -102,16 +48,6 @@ def test_a_pane_for_half_the_size_does_the_same():
         assert apart.mean() < 0.15 * harm + 0.005
 
 
-def test_parts_of_a_pane_come_alone():
-    for seed in range(6):
-        wet, misty = (draw_pane(generator(seed), 96, 64, drops, not drops) for drops in (True, False))
-        assert wet.cover.any()
-        assert not wet.veil.any()
-        assert not misty.cover.any()
-        assert misty.veil.any()
-        np.testing.assert_allclose(replace(wet, drops=None).over(PICTURE), PICTURE, atol=1e-5)
-
-
 def test_streaks_are_of_all_strengths_and_companions_have_others():
     falls = [draw_lines(generator(seed, "lines"), 96, 64) for seed in range(40)]
     rain = [float(np.abs(fall.over(PICTURE, fall.layers[0]) - PICTURE).mean()) for fall in falls]
@@ -123,31 +59,6 @@ def test_streaks_are_of_all_strengths_and_companions_have_others():
     assert seen.shape == grey.shape
     assert np.abs(seen[0] - seen[1]).max() > 0.05
     assert falls[0].over_all(grey[:0], generator(1)).shape == (0, 32, 48, 3)
-
-
-def test_between_streaks_there_is_only_their_veil():
-    for seed in range(20):
-        fall = draw_lines(generator(seed, "lines"), 96, 64)
-        nothing = np.zeros((64, 96), np.float32)
-        seen = fall.over(PICTURE, nothing)
-        assert (float(np.abs(seen - PICTURE).max()) > 1e-3) == (fall.veil > 2e-3)
-
-
-def test_streaks_lean_all_ways():
-    """The direction in which a layer changes least, from its structure tensor."""
-    leans = []
-    for seed in range(30):
-        layer = draw_lines(generator(seed, "lines"), 96, 64).layers[0].astype(np.float64)
-        down, across = np.gradient(layer)
-        leans.append(np.rad2deg(0.5 * np.arctan2(2 * (down * across).mean(), (across**2 - down**2).mean())))
-    assert min(leans) < -12
-    assert max(leans) > 12
-    assert np.median(np.abs(leans)) < 35
-
-
-def test_stored_pictures_lose_a_little():
-    errors = [float(np.abs(compressed(PICTURE, quality) - PICTURE).mean()) for quality in (95, 60)]
-    assert 0 < errors[0] < errors[1] < 0.05
 
 
 def test_noise_of_a_sensor_is_as_strong_as_asked_for():

@@ -5,21 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic import capture_in
 
 from hydroviews.rain.effect import fall
 from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.registry import find_effect, registered_effects
-from hydroviews.rain.scene_statistics import Light, survey
+from hydroviews.rain.scene_statistics import Light
 
 BAKED = {"raindrop", "raindrop-renewed", "raindrop-sharp", "window", "shower"}  # by Blender: tests of lenses have them
 EFFECTS = sorted(registered_effects().keys() - BAKED)
-
-
-@pytest.fixture(scope="module")
-def yard(tmp_path_factory):
-    """A ring of nine small views around some points, a metre a unit."""
-    return replace(survey(capture_in(tmp_path_factory.mktemp("yard")), 0), metres_per_unit=1.0)
 
 
 def rained(name, statistics, clean=None):

@@ -22,8 +22,3 @@ def test_truncated_file_is_refused(tmp_path, kept):
     path.write_bytes(content[: int(kept * len(content)) if isinstance(kept, float) else kept])
     with pytest.raises(InputError, match=r"a\.exr: not a readable EXR layer"):
         read_layers(path)
-
-
-def test_missing_file(tmp_path):
-    with pytest.raises(InputError, match="no such layer"):
-        read_layers(tmp_path / "none.exr")

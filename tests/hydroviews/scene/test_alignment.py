@@ -1,11 +1,9 @@
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from random_cameras import cameras, rotations, similarity
 
 from hydroviews.errors import InputError
-from hydroviews.scene.alignment import Similarity, align, centres
+from hydroviews.scene.alignment import align, centres
 
 
 @pytest.fixture
@@ -47,22 +45,6 @@ def test_a_third_of_wrong_cameras_does_not_pull_at_the_others(generator):
     target[:4, :3, 3] += 100 * generator.normal(size=(4, 3))
     left = np.linalg.norm(align(poses, target).points(centres(poses)) - centres(target), axis=1)
     assert left[4:].max() < 0.2 < 20 < left[:4].min()
-
-
-def test_noise_gives_the_fit_that_no_small_change_makes_better(generator):
-    poses = cameras(generator.normal(size=(40, 3)), rotations(generator, 40))
-    target = similarity(generator).poses(poses)
-    target[:, :3, 3] += 0.01 * generator.normal(size=(40, 3))
-    found = align(poses, target)
-
-    def left(scale):
-        moved = Similarity(scale, found.rotation, found.translation).points(centres(poses))
-        return np.median(np.linalg.norm(moved - centres(target), axis=1))
-
-    assert np.linalg.det(found.rotation) == pytest.approx(1)
-    assert found.scale == pytest.approx(2.7, rel=0.01)
-    worse = [left(found.scale * factor) for factor in (1, 1.01, 1.02, 1.04)]
-    assert all(before < after for before, after in pairwise(worse))
 
 
 @pytest.mark.parametrize("turned", [True, False], ids=["with their axes", "positions alone"])

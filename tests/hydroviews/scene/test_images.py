@@ -33,14 +33,20 @@ def test_sixteen_bit_grey_and_transparent_pictures(tmp_path):
     assert np.allclose(read[1], 0)
 
 
-def test_unreadable_pictures(tmp_path):
-    (tmp_path / "empty.png").write_bytes(b"")
-    (tmp_path / "text.jpg").write_text("not a picture")
-    for name in ("empty.png", "text.jpg"):
-        with pytest.raises(InputError, match=f"{name}: cannot be read"):
-            read_image(tmp_path / name)
-    with pytest.raises(InputError, match="no such image"):
-        read_image(tmp_path / "none.png")
+@pytest.mark.parametrize("read", [image_size, read_image])
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("empty.png", b"", "cannot be read"),
+        ("text.jpg", b"not a picture", "cannot be read"),
+        ("none.png", None, "no such image"),
+    ],
+)
+def test_unreadable_pictures(tmp_path, read, name, content, message):
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match=f"{name}: {message}"):
+        read(tmp_path / name)
 
 
 def test_transfer_curve_round_trip_and_known_value():
@@ -88,11 +94,3 @@ def test_too_large_pictures_are_refused_by_their_headers(tmp_path, monkeypatch, 
     (tmp_path / "bomb.png").write_bytes(png_header(*size))
     with pytest.raises(InputError, match=r"bomb\.png: .*too large"):
         read(tmp_path / "bomb.png")
-
-
-def test_pictures_without_a_size(tmp_path):
-    (tmp_path / "text.jpg").write_text("not a picture")
-    with pytest.raises(InputError, match="cannot be read"):
-        image_size(tmp_path / "text.jpg")
-    with pytest.raises(InputError, match="no such image"):
-        image_size(tmp_path / "none.png")

@@ -8,13 +8,14 @@ from distorted import LENS, colmap_capture, colours, photograph
 
 from hydroviews.dataset.build import build
 from hydroviews.errors import InputError
+from hydroviews.formats.checks.undistortion import left_after_undistortion
 from hydroviews.formats.read import read_scene
 from hydroviews.scene import lenses
 from hydroviews.scene.cameras import fitted_size
 from hydroviews.scene.depth import write_depth
 from hydroviews.scene.images import read_image, resize_area, to_uint8, write_png
 from hydroviews.scene.lenses import Lens, kept_share
-from hydroviews.scene.scenes import View
+from hydroviews.scene.scenes import View, make_scene, no_points
 
 FISHEYE = (60.0, 61.0, 48.0, 35.0)
 LENSES = [
@@ -59,27 +60,6 @@ def test_undistorted_photograph_is_what_a_pinhole_camera_sees(lens):
     assert np.abs(picture - expected).max() < 0.08  # the outermost half pixel is repeated
 
 
-@pytest.mark.parametrize("lens", LENSES, ids=lambda lens: lens.model)
-def test_no_blank_pixels(lens):
-    pinhole = lens.pinhole()
-    ends = np.array([[x, y] for x in (0.5, pinhole.width - 0.5) for y in (0.5, pinhole.height - 0.5)])
-    rays = np.c_[(ends - (pinhole.cx, pinhole.cy)) / (pinhole.fx, pinhole.fy), np.ones(4)]
-    pixels = lens.colmap().img_from_cam(rays)
-    assert (pixels > -0.5).all()
-    assert (pixels < np.array([lens.width, lens.height]) + 0.5).all()
-
-
-def test_agrees_with_pycolmap_undistortion():
-    image = photograph(LENS)
-    bitmap, camera = pycolmap.undistort_image(
-        pycolmap.UndistortCameraOptions(blank_pixels=0), pycolmap.Bitmap.from_array(to_uint8(image)), LENS.colmap()
-    )
-    pinhole = LENS.pinhole()
-    assert (camera.width, camera.height, *camera.params) == pytest.approx(tuple(pinhole))
-    difference = LENS.undistort(image) * 255 - bitmap.to_array()
-    assert np.abs(difference)[1:-1, 1:-1].max() < 1.6  # it rounds twice
-
-
 def test_pinhole_photographs_are_left_alone():
     lens = Lens("PINHOLE", 96, 72, (80.0, 82.0, 47.0, 37.0))
     image = photograph(lens)
@@ -87,30 +67,6 @@ def test_pinhole_photographs_are_left_alone():
     assert lens.undistort(image) is image
     assert lens.pinhole() == (96, 72, 80.0, 82.0, 47.0, 37.0)
     assert Lens("OPENCV", 96, 72, (80.0, 82.0, 47.0, 37.0, 0.0, 0.0, 0.0, 0.0)).is_pinhole
-
-
-@pytest.mark.parametrize("factor", [0.5, 2])
-def test_photographs_of_another_scale_use_the_same_lens(factor):
-    size = round(96 * factor), round(72 * factor)
-    scaled = Lens("OPENCV", *size, tuple(np.array(LENS.params) * ([factor] * 4 + [1] * 4)))
-    picture = LENS.undistort(photograph(scaled))
-    expected = expected_picture(LENS, size)
-    assert picture.shape == expected.shape
-    assert np.abs(picture - expected)[1:-1, 1:-1].max() < 0.03
-    full, other = LENS.pinhole(), LENS.pinhole(size)
-    assert other.fx / other.width == pytest.approx(full.fx / full.width, rel=1e-12)
-    assert other.cy / other.height == pytest.approx(full.cy / full.height, rel=1e-12)
-
-
-def test_view_undistorts_and_shrinks(tmp_path):
-    path = tmp_path / "photograph.png"
-    write_png(path, photograph(LENS))
-    camera = LENS.pinhole().camera(np.eye(4))
-    view = View("photograph", camera.resized(45, round(45 * camera.height / camera.width)), path, LENS)
-    small = view.camera
-    x, y = np.meshgrid(np.arange(small.width) + 0.5, np.arange(small.height) + 0.5)
-    expected = colours(np.stack([(x - small.cx) / small.fx, (y - small.cy) / small.fy], axis=-1))
-    assert np.abs(view.image() - expected).max() < 0.03
 
 
 @pytest.mark.parametrize("long_side", [None, 1500, 400])
@@ -198,19 +154,13 @@ def test_the_share_that_is_left_is_known(lens, share):
 
 
 def test_little_that_is_left_is_told(tmp_path):
-    from hydroviews.formats.checks.undistortion import left_after_undistortion
-    from hydroviews.scene.scenes import make_scene, no_points
-
-    def scene(lens):
+    def said(lens):
         views = [View(f"{i}", lens.pinhole().camera(np.eye(4)), tmp_path / f"{i}.png", lens) for i in range(3)]
-        return make_scene("walk", views, no_points())
+        return left_after_undistortion(make_scene("walk", views, no_points()))
 
-    (said,) = left_after_undistortion(
-        scene(Lens("OPENCV_FISHEYE", 2048, 2048, (400.0, 400.0, 1024.0, 1024.0, 0, 0, 0, 0)))
-    )
-    assert "% of the photograph is left after undistortion" in said
-    assert left_after_undistortion(scene(FOV)) == []
-    assert left_after_undistortion(scene(LENS)) == []
+    assert said(FOV) == said(LENS) == []
+    (told,) = said(Lens("OPENCV_FISHEYE", 2048, 2048, (400.0, 400.0, 1024.0, 1024.0, 0, 0, 0, 0)))
+    assert "% of the photograph is left after undistortion" in told
 
 
 def test_panoramas_are_refused():

@@ -9,13 +9,13 @@ import pytest
 import tifffile
 from synthetic import capture_in
 
-from deraings.reconstruct import require_photographs
 from hydroviews.dataset.build import build
 from hydroviews.errors import InputError
 from hydroviews.formats.read import read_scene
 from hydroviews.formats.writers import write_colmap
 from hydroviews.scene.images import read_image
 from hydroviews.scene.photograph_damage import require_whole
+from hydroviews.scene.tiff_damage import tiff_fault
 
 PLAIN, PROGRESSIVE = [], [cv2.IMWRITE_JPEG_PROGRESSIVE, 1]
 RESTARTS = [cv2.IMWRITE_JPEG_RST_INTERVAL, 4]
@@ -69,14 +69,21 @@ def other_bytes(content):
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 @pytest.mark.parametrize(("name", "compression"), [("lzw", 5), ("deflate", 8), ("adobe", 32946)])
 @pytest.mark.parametrize("damage", [random_bytes, sector_of_zeros, other_bytes])
-def test_a_damaged_tiff_is_told_and_a_whole_one_is_not(tmp_path, name, compression, damage, dtype):
-    whole = tiff(tmp_path / f"{name}.tif", compression, dtype)
-    require_whole([whole, tiff(tmp_path / "plain.tif", 1, dtype)], "")
-    content = np.fromfile(whole, np.uint8)
+def test_a_damaged_tiff_has_a_fault_and_a_whole_one_none(tmp_path, name, compression, damage, dtype):
+    path = tiff(tmp_path / f"{name}.tif", compression, dtype)
+    assert not tiff_fault(path)
+    content = np.fromfile(path, np.uint8)
     damage(content)
-    path = write(tmp_path / f"{name}-damaged.tif", content.tobytes())
-    with pytest.raises(InputError, match=r"-damaged\.tif: a damaged TIFF\n  found: strip [0-9]+ of 15: "):
-        require_whole([whole, path], "")
+    assert re.match("strip [0-9]+ of 15: ", tiff_fault(write(path, content.tobytes())))
+
+
+def test_a_damaged_tiff_is_told(tmp_path):
+    whole = [tiff(tmp_path / f"{compression}.tif", compression) for compression in (1, 5)]
+    content = np.fromfile(whole[1], np.uint8)
+    other_bytes(content)
+    damaged = write(tmp_path / "damaged.tif", content.tobytes())
+    with pytest.raises(InputError, match=r"/damaged\.tif: a damaged TIFF\n  found: strip [0-9]+ of 15: "):
+        require_whole([*whole, damaged], "")
 
 
 def test_tiffs_of_other_makes_are_whole(tmp_path):
@@ -96,19 +103,20 @@ def test_tiffs_of_other_makes_are_whole(tmp_path):
     require_whole(paths, "")
 
 
-@pytest.mark.parametrize("filler", [b"\0", b"\xff"])
-@pytest.mark.parametrize("count", [1, 12, 5000])
-def test_padding_of_any_length_is_no_damage(tmp_path, filler, count):
+def test_padding_of_any_length_is_no_damage(tmp_path):
     """As of cameras that fill their files up: before the end mark, or before every restart mark."""
-    content = jpeg(PLAIN).tobytes()
-    ended = write(tmp_path / "end.jpg", content[:-2] + filler * count + content[-2:] + b"a preview behind the picture")
-    content = jpeg(RESTARTS).tobytes()
-    head, data = content[: content.index(b"\xff\xda")], content[content.index(b"\xff\xda") :]
-    padded = re.sub(rb"(\xff[\xd0-\xd7])", filler * min(count, 14) + rb"\1", data)
-    restarted = write(tmp_path / "restarts.jpg", head + padded)
-    require_whole([ended, restarted], "")
-    for path, settings in ((ended, PLAIN), (restarted, RESTARTS)):
-        assert np.array_equal(cv2.imread(str(path)), cv2.imdecode(jpeg(settings), cv2.IMREAD_COLOR))
+    plain, restarts, paths = jpeg(PLAIN).tobytes(), jpeg(RESTARTS).tobytes(), []
+    head, data = restarts[: restarts.index(b"\xff\xda")], restarts[restarts.index(b"\xff\xda") :]
+    for filler in (b"\0", b"\xff"):
+        for count in (1, 12, 5000):
+            ended = plain[:-2] + filler * count + plain[-2:] + b"a preview behind the picture"
+            restarted = head + re.sub(rb"(\xff[\xd0-\xd7])", filler * min(count, 14) + rb"\1", data)
+            for name, content, before in (("end", ended, plain), ("restarts", restarted, restarts)):
+                paths.append(write(tmp_path / f"{name}-{filler.hex()}-{count}.jpg", content))
+                assert np.array_equal(cv2.imread(str(paths[-1])), cv2.imdecode(np.frombuffer(before, np.uint8), 1)), (
+                    name
+                )
+    require_whole(paths, "")
 
 
 @pytest.mark.parametrize("lost", [300, 4096])
@@ -126,14 +134,6 @@ def test_rubbish_before_the_end_is_damage(tmp_path):
     rubbish = np.random.default_rng(0).integers(1, 200, 40).astype(np.uint8).tobytes()
     with pytest.raises(InputError, match="a damaged JPEG"):
         require_whole([write(tmp_path / "a.jpg", content[:-2] + rubbish + content[-2:])], "")
-
-
-def test_a_reconstruction_names_the_damaged_photograph(tmp_path):
-    content = jpeg(PLAIN)
-    sector_of_zeros(content)
-    path = write(tmp_path / "IMG_1.JPG", content.tobytes())
-    with pytest.raises(InputError, match=rf"{path}: a damaged JPEG\n"):
-        require_photographs(tmp_path)
 
 
 def write(path, content):

@@ -1,4 +1,3 @@
-import errno
 import os
 import tarfile
 
@@ -18,11 +17,6 @@ def kind(request, tmp_path):
     """Writes an archive of one kind."""
     (tmp_path / "archives").mkdir()
     return lambda files, links=(): WRITERS[request.param](tmp_path / "archives" / request.param, files, links)
-
-
-def test_only_the_scene_is_unpacked(kind, tmp_path):
-    unpack(kind(FILES), "train", tmp_path / "captures" / "tandt" / "train")
-    assert contents(tmp_path / "captures") == {f"tandt/train/{name}": content for name, content in SCENE.items()}
 
 
 def test_an_interrupted_call_is_gone_on_with(kind, tmp_path, monkeypatch):
@@ -65,16 +59,6 @@ def _refuses_folders(real):
     return replace
 
 
-@pytest.mark.parametrize(
-    "name", ["../../outside.txt", "/outside.txt", "tandt/train/../../../outside.txt", "tandt\\train\\a", "C:/train/a"]
-)
-def test_names_that_lead_outside_are_refused(kind, tmp_path, name):
-    with pytest.raises(InputError, match=r"cannot be unpacked safely\n.*leads outside"):
-        unpack(kind({**FILES, name: b"evil"}), "train", tmp_path / "captures" / "train")
-    assert not (tmp_path / "captures" / "train").exists()
-    assert not (tmp_path / "outside.txt").exists()
-
-
 def test_links_are_refused(kind, tmp_path):
     with pytest.raises(InputError, match=r"cannot be unpacked safely\n.*a link: 'tandt/train/images/c.jpg'"):
         unpack(kind(FILES, ["tandt/train/images/c.jpg"]), "train", tmp_path / "train")
@@ -92,15 +76,21 @@ def test_an_encrypted_file_is_refused(tmp_path):
         unpack(archive, "train", tmp_path / "train")
 
 
-@pytest.mark.parametrize("names", [("train/a", "train/a/b"), ("train/a/b/c", "train/a")])
-def test_a_file_and_a_folder_of_one_name_are_refused(kind, tmp_path, names):
-    with pytest.raises(BadArchive, match="a file and a folder of one name: 'train/a'"):
-        unpack(kind(dict.fromkeys(names, b"content")), "train", tmp_path / "train")
+OUTSIDE = ("../../outside.txt", "/outside.txt", "tandt/train/../../../outside.txt", "tandt\\train\\a", "C:/train/a")
+UNSAFE = {
+    **{(*FILES, name): r"cannot be unpacked safely\n.*leads outside" for name in OUTSIDE},
+    ("train/a", "train/a/b"): "a file and a folder of one name: 'train/a'",
+    ("train/a/b/c", "train/a"): "a file and a folder of one name: 'train/a'",
+    ("train/" + 256 * "n",): "a name too long for a file: 'train/nnn",
+}
 
 
-def test_a_name_too_long_for_a_file_is_refused(kind, tmp_path):
-    with pytest.raises(BadArchive, match="a name too long for a file: 'train/nnn"):
-        unpack(kind({"train/" + 256 * "n": b"content"}), "train", tmp_path / "train")
+@pytest.mark.parametrize(("names", "message"), UNSAFE.items(), ids=lambda value: value[-1][:30])
+def test_names_that_lead_outside_or_meet_are_refused(kind, tmp_path, names, message):
+    with pytest.raises(BadArchive, match=message):
+        unpack(kind(dict.fromkeys(names, b"evil")), "train", tmp_path / "captures" / "train")
+    assert not (tmp_path / "captures" / "train").exists()
+    assert not (tmp_path / "outside.txt").exists()
 
 
 @pytest.mark.parametrize("suffix", ["zip", "tar", "tar.gz", "tar.bz2", "tar.xz"])
@@ -126,16 +116,6 @@ def test_damage_anywhere_is_told_plainly(tmp_path, suffix):
     assert refused > 5
 
 
-def test_a_disk_that_may_not_be_written(kind, tmp_path, monkeypatch):
-    def closed(*_, **__):
-        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
-
-    archive = kind(FILES)
-    monkeypatch.setattr(archives.Path, "mkdir", closed)
-    with pytest.raises(InputError, match=r"train: cannot be written\n.*Read-only"):
-        unpack(archive, "train", tmp_path / "captures" / "train")
-
-
 def test_an_archive_without_the_scene(kind, tmp_path):
     with pytest.raises(InputError, match=r"no folder horse in it\n.*tandt"):
         unpack(kind(FILES), "horse", tmp_path / "horse")
@@ -153,9 +133,3 @@ def test_a_damaged_archive(kind, tmp_path):
     assert not is_archive(archive)
     with pytest.raises(InputError, match="neither a zip nor a tar archive"):
         unpack(archive, "train", tmp_path / "train")
-
-
-def test_a_full_disk_is_told_first(kind, tmp_path, monkeypatch):
-    monkeypatch.setattr(archives.shutil, "disk_usage", lambda path: type("Usage", (), {"free": 1000})())
-    with pytest.raises(InputError, match="no space left on the disk"):
-        unpack(kind(FILES), "train", tmp_path / "train")

@@ -3,12 +3,10 @@
 import json
 
 import numpy as np
-import pycolmap
 import pytest
 from captures import flower_walk, rained_on
 
 from hydroviews.captures.sfm import poses
-from hydroviews.captures.sfm.features import Features
 from hydroviews.captures.sfm.learned import extraction, lighterglue, matching, weights
 from hydroviews.captures.sfm.poses import estimate_poses
 from hydroviews.captures.sfm.rain import verification_options
@@ -83,17 +81,6 @@ def test_learned_features_that_were_asked_for_are_not_replaced(no_index, tmp_pat
     assert not (tmp_path / "out").exists()
 
 
-def test_a_folder_of_an_earlier_version_goes_on_with_sift(tmp_path):
-    folder, out = noise(tmp_path / "noise"), tmp_path / "out"
-    with pytest.raises(InputError, match="could be registered"):
-        estimate_poses(folder, out, rainy=True, features="sift")
-    settings = json.loads((out / "poses.json").read_text())
-    del settings["features"]
-    (out / "poses.json").write_text(json.dumps(settings))
-    with pytest.raises(InputError, match="could be registered"):
-        estimate_poses(folder, out, rainy=True)
-
-
 def matched(walk, features, database):
     """Verified matches of all pairs of the walk."""
     folder, names = walk
@@ -138,15 +125,6 @@ def test_unconfirmed_pairs_are_left_out_again_after_an_interruption(walk, featur
         found = matched(walk, features, tmp_path / "d.db")
         assert (0, 1) not in found
         assert (1, 2) in found
-
-
-def test_a_view_without_features_is_left_alone(walk, features, tmp_path):
-    none = Features(np.zeros((0, 2), np.float32), np.zeros((0, 64), np.float32))
-    found = matched(walk, [none, *features[1:]], tmp_path / "d.db")
-    assert found
-    assert not any(0 in pair for pair in found)
-    with pycolmap.Database.open(tmp_path / "d.db") as opened:
-        assert opened.num_keypoints_for_image(opened.read_image_with_name("0.png").image_id) == 0
 
 
 def test_no_learned_features_where_hidden(walk, features, tmp_path):

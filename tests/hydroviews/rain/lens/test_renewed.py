@@ -1,97 +1,54 @@
 """Lenses of which drops are renewed or in focus, from the pattern to the picture."""
 
 from dataclasses import replace
-from importlib.util import find_spec
-from pathlib import Path
 
 import numpy as np
 import pytest
+from kept_blender import bakes
+from wet_lens import DRY, PATTERN, camera, one_drop, prepared_lens
 
 from hydroviews.errors import InputError
 from hydroviews.rain.effect import fall
-from hydroviews.rain.lens.effect import RaindropEffect, RenewedRaindropEffect, SharpRaindropEffect
+from hydroviews.rain.lens.effect import RaindropEffect, SharpRaindropEffect
 from hydroviews.rain.lens.optics import bake as lens_bake
 from hydroviews.rain.lens.optics.bake import (
-    aperture_radius,
     bake,
     bake_matte,
     bake_paths,
-    focus_disk,
-    lens_water,
-    trace,
 )
 from hydroviews.rain.lens.optics.drop_bank import DropPainter, cut
 from hydroviews.rain.lens.optics.mesh import water_mesh
 from hydroviews.rain.lens.optics.path_matte import defocus
-from hydroviews.rain.lens.patterns.pattern import draw_pattern
-from hydroviews.rain.lens.patterns.shapes import Outline
-from hydroviews.rain.lens.patterns.water import Drop, Water
-from hydroviews.rain.lens.raindrops import PreparedLens
-from hydroviews.rain.lens.renewed import RenewedDrops
 from hydroviews.rain.light import expand_highlights
-from hydroviews.rain.registry import find_effect, parse_pattern
-from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import to_linear, to_srgb
-from hydroviews.scene.scenes import View
 
-PATTERN = replace(
-    draw_pattern(np.random.default_rng(3), 1), coverage=0.15, radius_median=0.05, droplets=20, rivulets=1, seed=1
+SMALL = replace(PATTERN, renewed=0.5, droplets=10, seed=2, key_frames=1, air=(1.0, 1.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"renewed": -0.1}, r"renewed drops[\s\S]*from 0 to 1"),
+        ({"renewed": 1.5}, r"renewed drops[\s\S]*from 0 to 1"),
+        ({"renewed": float("nan")}, r"renewed drops[\s\S]*from 0 to 1"),
+        ({"focus": "nothing"}, "focus of the lens"),
+        ({"renewed": 0.5, "lens_renderer": "traced"}, r"traced[\s\S]*disk or aperture"),
+    ],
+    ids=str,
 )
-DRY = replace(PATTERN, coverage=0.0, droplets=0, rivulets=0, mist=0.0)
-SMALL = replace(PATTERN, renewed=0.5, droplets=10, seed=2, key_frames=1)
-AIR = np.full(3, 0.6, np.float32)
-
-needs_bpy = pytest.mark.skipif(
-    find_spec("bpy") is None, reason="bpy is not installed: pip install 'hydroviews[blender]'"
-)
+def test_lenses_that_cannot_be_are_refused(changes, message):
+    with pytest.raises(InputError, match=message):
+        replace(PATTERN, **changes)
 
 
-def camera(width: int, height: int) -> Camera:
-    return Camera(width, height, 0.8 * width, 0.8 * width, width / 2, height / 2, np.eye(4))
-
-
-def wet(x: float, y: float, radius: float, degrees: float = 50.0) -> Water:
-    """A round drop, in sides."""
-    return Water((Drop(Outline(((x, y, radius),)), np.radians(degrees)),), (), np.zeros((0, 4)))
-
-
-def prepared_lens(pattern, lens: Camera, folder: Path, count: int = 7) -> tuple[PreparedLens, list[View]]:
-    """The lens before views that are never read."""
-    views = [View(f"view-{i}", lens, folder / "none.png") for i in range(count)]
-    return PreparedLens(pattern, AIR, [view.name for view in views], lens, folder), views
-
-
-@pytest.fixture
-def waves():
-    """A colourful picture of 80x60, encoded."""
-    y, x = np.mgrid[0:60, 0:80] / 80
-    parts = [0.5 + 0.45 * np.sin(a * x + b * y + c) for a, b, c in ((9, 4, 0), (3, 11, 1), (14, -8, 2))]
-    return np.stack(parts, -1).astype(np.float32)
-
-
-@pytest.mark.parametrize("share", [-0.1, 1.5, float("nan")])
-def test_a_share_outside_0_to_1_is_refused(share):
-    with pytest.raises(InputError, match=r"renewed drops[\s\S]*from 0 to 1"):
-        replace(PATTERN, renewed=share)
-
-
-def test_an_unknown_focus_and_traced_renewal_are_refused():
-    with pytest.raises(InputError, match="focus of the lens"):
-        replace(PATTERN, focus="nothing")
-    with pytest.raises(InputError, match=r"traced[\s\S]*disk or aperture"):
-        replace(PATTERN, renewed=0.5, lens_renderer="traced")
-
-
-@pytest.mark.parametrize("changes", [{"renewed": 0.5}, {"renewed": 1.0}, {"focus": "drops"}])
+@pytest.mark.parametrize("changes", [{}, {"renewed": 0.5}, {"renewed": 1.0}, {"focus": "drops"}], ids=str)
 def test_a_dry_lens_needs_no_blender(tmp_path, monkeypatch, waves, changes):
     monkeypatch.setattr(lens_bake, "run_blender", pytest.fail)
     rain, views = prepared_lens(replace(DRY, **changes), camera(80, 60), tmp_path)
     assert not any(plane.any() for view in views for plane in rain.layers(waves, view).values())
 
 
-@pytest.mark.usefixtures("kept")
-@pytest.mark.blender
-@needs_bpy
+@bakes
 def test_nothing_renewed_is_the_fixed_window(tmp_path, waves):
     lens, light = camera(80, 60), expand_highlights(to_linear(waves))
     rain, views = prepared_lens(replace(PATTERN, mist=0.0), lens, tmp_path / "a")
@@ -102,21 +59,7 @@ def test_nothing_renewed_is_the_fixed_window(tmp_path, waves):
     assert not list(tmp_path.rglob("drops-*"))
 
 
-def test_drops_grow_with_their_age(tmp_path, monkeypatch):
-    """With three key frames and 30 views, drops are the first's for ten views, then the second's, then the third's."""
-    monkeypatch.setattr("hydroviews.rain.lens.renewed.LENSES", 2)
-    rain = RenewedDrops(replace(SMALL, renewed=0.05, key_frames=3), camera(40, 30), tmp_path, views=30)
-    asked = []
-    monkeypatch.setattr(rain, "_lens", lambda *number_and_frame: asked.append(number_and_frame))
-    monkeypatch.setattr(DropPainter, "paint", lambda *_: None)
-    rain.painted(np.zeros((30, 40, 3), np.float32), 29)
-    assert asked == [(born.lens, (29 - born.birth) // 10) for born in rain._lives.at(29)]
-    assert {frame for _, frame in asked} == {0, 1, 2}
-
-
-@pytest.mark.usefixtures("kept")
-@pytest.mark.blender
-@needs_bpy
+@bakes
 def test_views_are_the_same_in_any_order_and_after_an_interruption(tmp_path, monkeypatch, waves):
     monkeypatch.setattr("hydroviews.rain.lens.renewed.LENSES", 2)
     rain, views = prepared_lens(SMALL, camera(40, 30), tmp_path / "a", count=6)
@@ -137,9 +80,7 @@ def test_views_are_the_same_in_any_order_and_after_an_interruption(tmp_path, mon
             broken.layers(clean, view)
 
 
-@pytest.mark.usefixtures("kept")
-@pytest.mark.blender
-@needs_bpy
+@bakes
 def test_one_view_and_two_sizes_of_picture(tmp_path, monkeypatch):
     monkeypatch.setattr("hydroviews.rain.lens.renewed.LENSES", 1)
     grey = np.full((120, 160, 3), 0.5, np.float32)
@@ -156,12 +97,10 @@ def test_one_view_and_two_sizes_of_picture(tmp_path, monkeypatch):
     assert masks[0].mean() > 0.05
 
 
-@pytest.mark.usefixtures("kept")
-@pytest.mark.blender
-@needs_bpy
+@bakes
 def test_a_moved_drop_is_nearly_one_baked_at_its_place(tmp_path, waves):
     lens, light, step = camera(80, 60), to_linear(waves), 8
-    drops = [wet(x / np.sqrt(4800), 0.45, 0.12) for x in (36, 36 + step)]
+    drops = [one_drop(x / np.sqrt(4800), 0.45, 0.12) for x in (36, 36 + step)]
     here, there = (bake(water_mesh(water, np.inf, lens), lens, tmp_path, paths=6) for water in drops)
     assert np.abs(np.roll(here.mask, step, axis=1) - there.mask).max() < 0.35
     inside = there.mask > 0.9
@@ -175,32 +114,10 @@ def test_a_moved_drop_is_nearly_one_baked_at_its_place(tmp_path, waves):
     assert (error**2).mean() < 0.1 * (unmoved**2).mean()
 
 
-@pytest.mark.usefixtures("kept")
-@pytest.mark.blender
-@needs_bpy
-@pytest.mark.parametrize(("lens_renderer", "least"), [("disk", 30), ("aperture", 33)])
-def test_drops_in_focus_agree_with_full_path_tracing(tmp_path, waves, lens_renderer, least):
-    lens = camera(80, 60)
-    pattern = replace(PATTERN, lens_renderer=lens_renderer, focus_blur=0.04, focus="drops")
-    light, disk = to_linear(waves), focus_disk(pattern, lens)
-    opening = aperture_radius(disk, lens)
-    traced, _ = trace(lens_water(pattern, lens, 0), lens, light, 128, tmp_path, opening, focus="drops")
-    matte = bake_matte(pattern, lens, tmp_path, paths=6, passes=1 if lens_renderer == "disk" else 4)
-    seen = defocus(light, disk) if lens_renderer == "disk" else light
-    inside = traced[..., 3] > 0.5
-    assert np.abs(matte.mask - traced[..., 3]).mean() < 0.01
-    error = to_srgb(matte.apply(seen))[inside] - to_srgb(traced[..., :3])[inside]
-    psnr = -10 * np.log10((error**2).mean())
-    assert psnr > least, psnr
-    assert np.abs(np.diff(matte.mask, axis=1)).max() > 1.5 * np.abs(np.diff(defocus(matte.mask, disk), axis=1)).max()
-
-
-@pytest.mark.usefixtures("kept")
-@pytest.mark.blender
-@needs_bpy
+@bakes
 def test_a_drop_over_the_whole_lens_in_focus_hides_the_scene(tmp_path, waves):
     lens = camera(80, 60)
-    flood = bake(water_mesh(wet(0.6, 0.4, 3.0, degrees=30), np.inf, lens), lens, tmp_path, paths=2, focus="drops")
+    flood = bake(water_mesh(one_drop(0.6, 0.4, 3.0, degrees=30), np.inf, lens), lens, tmp_path, paths=2, focus="drops")
     assert flood.mask.min() == 1
     drops = flood.apply(defocus(to_linear(waves), 4.0))
     layers = {"M": flood.mask, "V": 0 * flood.mask, **{c: drops[..., i] for i, c in enumerate("RGB")}}
@@ -222,17 +139,3 @@ def test_behind_drops_in_focus_every_point_is_a_disk_of_linear_light():
     np.testing.assert_allclose(spread[np.hypot(x, y) < disk / 2 - 0.8], 4 / (np.pi * disk**2), rtol=0.01)
     plain = {"focus": "scene", "focus_blur": disk / 31}
     np.testing.assert_allclose(RaindropEffect().composite(plain, clean, nothing), clean, atol=1e-6)
-
-
-def test_effects_say_their_share_and_one_of_ones_own_has_three_lines(tmp_path, monkeypatch):
-    assert (RaindropEffect.renewed, RenewedRaindropEffect.renewed) == (0.0, 0.5)
-    assert (RaindropEffect.focus, SharpRaindropEffect.focus) == ("scene", "drops")
-    monkeypatch.syspath_prepend(tmp_path)
-    (tmp_path / "wiped_lens.py").write_text(
-        "from hydroviews.rain.lens.effect import RaindropEffect\n\n\n"
-        "class Wiped(RaindropEffect):\n    renewed, focus = 1.0, 'drops'\n"
-    )
-    pattern = parse_pattern("wiped_lens:Wiped-1")
-    effect = find_effect(pattern.effect)
-    assert (pattern.index, effect.renewed, effect.focus) == (1, 1.0, "drops")
-    assert "focus_blur" not in RaindropEffect.needed

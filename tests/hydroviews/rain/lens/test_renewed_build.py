@@ -1,9 +1,9 @@
 """A wiped lens in focus through build and verification: two sizes of picture, interrupted and resumed."""
 
 from dataclasses import replace
-from importlib.util import find_spec
 
 import pytest
+from kept_blender import bakes
 from synthetic import capture_in
 
 from hydroviews.dataset import rainy_variant
@@ -22,9 +22,7 @@ class Wiped(SharpRaindropEffect):
 """
 
 
-@pytest.mark.usefixtures("kept")
-@pytest.mark.blender
-@pytest.mark.skipif(find_spec("bpy") is None, reason="bpy is not installed: pip install 'hydroviews[blender]'")
+@bakes
 def test_an_interrupted_build_of_two_sizes_goes_on_and_verifies(tmp_path, monkeypatch):
     monkeypatch.setattr("hydroviews.rain.lens.renewed.LENSES", 1)
     monkeypatch.syspath_prepend(tmp_path)

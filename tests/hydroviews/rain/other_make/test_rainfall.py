@@ -4,9 +4,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from synthetic import capture_in
 
-from hydroviews.rain.effect import fall
 from hydroviews.rain.other_make.rainfall import (
     MOST,
     draw_pattern,
@@ -20,7 +18,6 @@ from hydroviews.rain.other_make.severity import rainfall_harm
 from hydroviews.rain.other_make.streak import OtherStreaks, Rainfall, fall_in
 from hydroviews.rain.other_make.strokes import FINEST, draw_strokes
 from hydroviews.rain.patterns import Pattern
-from hydroviews.rain.scene_statistics import survey
 from hydroviews.rain.streaks.measures import streak_angle
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.seeds import generator
@@ -29,11 +26,6 @@ EFFECT = OtherStreaks()
 PATTERN = replace(draw_pattern(generator(1, "rain")), strokes=2000.0, veil=0.1)
 STILL = replace(PATTERN, lean=0.0, swirl=0.0, bend=0.0)
 DOWN, AHEAD = np.array([0.0, 1, 0]), np.array([0.0, 0, 1])
-
-
-@pytest.fixture
-def statistics(tmp_path):
-    return survey(capture_in(tmp_path / "yard"), 0)
 
 
 def camera(width, height, focal=1.2, pose=None):
@@ -68,23 +60,6 @@ def test_a_stroke_is_the_formula(ends, bend):
     np.testing.assert_allclose(ours, exact(stroke, 80, 80), atol=0.7 * math.exp(-4.5))  # drawn to 3 deviations
 
 
-def test_strokes_that_cross_cover_like_panes():
-    strokes = np.array([(10, 5, 30, 70, 0, 2.0, 0.6), (5, 40, 70, 33, 0, 2.0, 0.5)])
-    one, other = (draw_strokes(strokes[i : i + 1], 80, 80) for i in range(2))
-    np.testing.assert_allclose(draw_strokes(strokes, 80, 80), 1 - (1 - one) * (1 - other), atol=1e-6)
-    assert draw_strokes(np.zeros((0, 7)), 5, 4).shape == (4, 5)
-
-
-@pytest.mark.parametrize("shift", [0.0, 0.25, 0.5])
-def test_thin_strokes_are_pale_and_not_broken(shift):
-    cover = draw_strokes(np.array([(20 + shift, 0, 24 + shift, 80, 0, 0.15, 0.8)]), 48, 80)
-    s = (np.arange(80) + 0.5) / 80
-    bow = 4 * s * (1 - s)
-    rows = (cover.sum(axis=1) / (bow * (0.6 + 0.4 * bow)))[20:60]
-    assert rows.std() < 0.05 * rows.mean()
-    assert rows.mean() == pytest.approx(0.8 * 0.15 * math.sqrt(2 * math.pi), rel=0.02)  # as much as a sharp one has
-
-
 @pytest.mark.parametrize("roll", [-30, 0, 20, 90])
 def test_rain_falls_down_however_the_camera_is_held(roll):
     view = camera(320, 240, pose=turned(AHEAD, roll))
@@ -104,26 +79,6 @@ def test_rain_seen_from_below_flies_apart_from_a_vanishing_point():
     assert abs(streak_angle(top) - 90) < 20
 
 
-def test_a_long_lens_sees_parallel_streaks_of_the_same_size():
-    normal, long = (draw_rainfall(STILL, camera(320, 240, f), DOWN, generator(0)) for f in (1.2, 1000.0))
-    assert long.mean() == pytest.approx(normal.mean(), rel=0.05)
-    assert abs(streak_angle(long) - 90) < 0.5
-
-
-def test_the_same_rain_at_another_size():
-    pattern = replace(PATTERN, focus_blur=0.003)
-    large, small = (draw_rainfall(pattern, camera(4 * k, 3 * k), DOWN, generator(0)) for k in (160, 80))
-    halved = cv2.resize(large, (320, 240), interpolation=cv2.INTER_AREA)
-    assert small.mean() == pytest.approx(halved.mean(), rel=0.03)
-    assert np.corrcoef(small.ravel(), halved.ravel())[0, 1] > 0.97
-
-
-def test_more_strokes_leave_those_that_are_there():
-    few, many = (draw_rainfall(replace(PATTERN, strokes=n), camera(160, 120), DOWN, generator(0)) for n in (500, 900))
-    assert (many >= few - 1e-5).all()
-    assert many.mean() > 1.2 * few.mean()
-
-
 def test_every_view_has_other_streaks_and_the_same_again(statistics):
     rain = Rainfall(PATTERN, Pattern("streak-b", 0), statistics)
     layers = [rain.layers(view.image(), view)["A"].tobytes() for view in statistics.views]
@@ -132,18 +87,15 @@ def test_every_view_has_other_streaks_and_the_same_again(statistics):
 
 
 def test_cameras_that_do_not_tell_up_see_rain_fall_down_their_pictures(statistics, caplog):
-    """Pictures on their heads beside upright ones: parameters and a warning say that down is not known."""
-    head = turned(AHEAD, 180)
-    poses = (np.eye(4), head)
+    """A picture on its head beside an upright one: parameters and a warning say that down is not known."""
     views = tuple(
         replace(view, camera=replace(view.camera, world_to_camera=pose))
-        for view, pose in zip(statistics.views[:2], poses, strict=True)
+        for view, pose in zip(statistics.views, (np.eye(4), turned(AHEAD, 180)), strict=False)
     )
     rain = Rainfall(STILL, Pattern("streak-b", 0), replace(statistics, views=views))
     assert rain.parameters["down"] is None
     assert "rain falls down the pictures" in caplog.text
-    for view in views:
-        assert fall_in(STILL, view.camera, views[0].camera, None)[1] == 1
+    assert all(fall_in(STILL, view.camera, views[0].camera, None)[1] == 1 for view in views)
 
 
 @pytest.mark.parametrize("size", [(1, 1), (64, 1), (1, 64), (17, 15)])
@@ -165,38 +117,6 @@ def test_the_composite_is_its_formula_under_a_coloured_sky(screen):
     veiled = (1 - veil) * b + veil * c
     expected = 1 - (1 - veiled) * (1 - streaks * c) if screen else (1 - streaks) * veiled + streaks * c
     np.testing.assert_allclose(rain_over(clean, a, h, screen, sky), expected, rtol=0, atol=1e-6)
-
-
-@pytest.mark.parametrize("screen", [False, True])
-def test_a_black_sky_darkens_or_changes_nothing_and_a_white_picture_stays(screen):
-    cover, veil = np.full((6, 8), 0.5, np.float32), np.full((6, 8), 0.1, np.float32)
-    black, white = np.zeros((6, 8, 3), np.float32), np.ones((6, 8, 3), np.float32)
-    np.testing.assert_array_equal(rain_over(black, cover, veil, screen, sky_colour(black)), black)
-    np.testing.assert_allclose(rain_over(white, cover, veil, screen, sky_colour(white)), white, atol=1e-6)
-    below = np.concatenate([black[:3], white[:3]])  # a black sky over white ground
-    rainy = rain_over(below, cover, veil, screen, sky_colour(below))
-    np.testing.assert_allclose(rainy[3:], 0.9 if screen else 0.45, atol=1e-6)
-
-
-def test_no_rain_is_no_change(statistics):
-    rain = Rainfall(replace(PATTERN, strokes=0.0, veil=0.0), Pattern("streak-b", 0), statistics)
-    view = statistics.views[0]
-    layers = fall(rain, view.image(), view)
-    np.testing.assert_array_equal(EFFECT.composite(rain.parameters, view.image(), layers), view.image())
-
-
-def test_the_veil_is_even_or_grows_upwards():
-    even = veil_cover(replace(PATTERN, veil_rise=0.0), 8, 10)
-    assert np.ptp(even) == 0
-    rising = veil_cover(replace(PATTERN, veil_rise=0.8), 8, 10)
-    assert (np.diff(rising, axis=0) < 0).all()
-    assert 0 < rising.min() < rising.max() <= np.float32(0.1)
-
-
-def test_the_sky_is_the_brightest_of_the_upper_part():
-    picture = np.full((10, 10, 3), 0.2, np.float32)
-    picture[:2], picture[6:] = (0.6, 0.7, 0.8), 1.0
-    np.testing.assert_allclose(sky_colour(picture), (0.6, 0.7, 0.8), atol=1e-6)
 
 
 def test_grades_are_harder_in_order_and_within_reach(statistics):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from hydroviews.rain.other_make.refraction import MENISCUS, WATER, Bodies, enter_water, leave_drop, refract
+from hydroviews.rain.other_make.refraction import MENISCUS, WATER, Bodies, leave_drop
 
 
 def bodies(n, meniscus, rng):
@@ -64,43 +64,3 @@ def test_rays_leave_drops_as_traced_one_by_one_in_double_precision(meniscus):
         else:
             np.testing.assert_allclose(out.direction[i], direction, atol=2e-5)
     assert 0 < lost < n / 2  # steep rims reflect everything
-
-
-@pytest.mark.parametrize("meniscus", [False, True])
-def test_single_precision_is_enough(meniscus):
-    rng = np.random.default_rng(5)
-    place, ray, exact = rng.uniform(-0.6, 0.6, (500, 2)), rng.uniform(-0.4, 0.4, (500, 2)), bodies(500, meniscus, rng)
-    single = Bodies(*(part.astype(np.float32) for part in (exact.inverse, exact.lean, exact.contact)), exact.meniscus)
-    ours = leave_drop(place.astype(np.float32), ray.astype(np.float32), single)
-    assert ours.direction.dtype == np.float32
-    theirs = leave_drop(place, ray, exact)
-    clear = theirs.passing > 0.3
-    np.testing.assert_allclose(ours.direction[clear], theirs.direction[clear], atol=1e-4)
-
-
-def test_the_middle_of_a_flat_drop_shows_what_is_behind_it():
-    """Two parallel surfaces only shift a ray."""
-    flat = Bodies(np.eye(2)[None], np.zeros((1, 2)), np.array([1.0]), np.array([True]))
-    out = leave_drop(np.zeros((1, 2)), np.array([[0.02, -0.01]]), flat)
-    np.testing.assert_allclose(out.direction[0, :2] / out.direction[0, 2], [0.02, -0.01], atol=1e-5)
-
-
-def test_a_cap_turns_the_picture_over():
-    """Rays through its right side go left, and those through its foot up."""
-    cap = Bodies(np.eye(2)[None].repeat(2, 0), np.zeros((2, 2)), np.full(2, 0.8), np.zeros(2, bool))
-    out = leave_drop(np.array([[0.4, 0.0], [0.0, 0.4]]), np.zeros((2, 2)), cap)
-    assert out.direction[0, 0] < -0.05
-    assert out.direction[1, 1] < -0.05
-    near_axis = leave_drop(np.array([[1e-3, 0.0]]), np.zeros((1, 2)), cap.take(slice(1)))
-    power = (WATER - 1) * math.sin(0.8)  # of a plano-convex lens of radius 1 / sin(contact angle)
-    assert near_axis.direction[0, 0] == pytest.approx(-1e-3 * power, rel=1e-4)
-
-
-def test_light_that_passes_upright_is_what_fresnel_says():
-    _, passing = refract(np.array([[0.0, 0, 1]]), np.array([[0.0, 0, 1]]))
-    assert passing[0] == pytest.approx(1 - ((WATER - 1) / (WATER + 1)) ** 2)
-
-
-def test_water_bends_rays_towards_the_axis():
-    ray = np.array([[1.0, 0.0]])
-    assert enter_water(ray)[0, 0] == pytest.approx(math.sin(math.pi / 4) / WATER)

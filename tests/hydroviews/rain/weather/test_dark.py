@@ -12,7 +12,6 @@ from hydroviews.rain.weather import reference
 from hydroviews.rain.weather.dark import AmbientPattern, Dark, DarkPattern, darken
 from hydroviews.rain.weather.noise import PLANES, NoisePattern, add_noise, standard_normal
 from hydroviews.rain.weather.severity import LOSS
-from hydroviews.scene.images import to_uint8
 
 PATTERN = Pattern("dark", 1)
 AMBIENT = AmbientPattern(stops=1.3, flatness=0.06, tint=(0.97, 1.0, 1.03), pivot=0.2)
@@ -40,25 +39,12 @@ def test_the_composite_is_the_formula(yard, clean):
     assert np.abs(rainy - reference.dark(clean, chance, AMBIENT, NOISE)).max() < 1e-6
 
 
-def test_no_darkness_and_no_noise_leave_the_view_to_the_byte(yard, clean):
-    rainy, _ = taken(DarkPattern(replace(AMBIENT, stops=0.0), SILENT), clean, yard)
-    assert np.array_equal(to_uint8(rainy), to_uint8(clean))
-
-
 def test_a_stop_halves_the_light_and_clouds_take_contrast():
     one = replace(AMBIENT, stops=1.0)
     pivot = np.full((1, 3), 0.2, np.float32)
     assert darken(pivot, one) == pytest.approx(np.array([[0.097, 0.1, 0.103]]), rel=1e-5)
     low, high = darken(0.25 * pivot, one), darken(4 * pivot, one)
     assert (high / low)[0] == pytest.approx([16 ** (1 / 1.06)] * 3, rel=1e-4)
-
-
-def test_darkness_to_nothing_is_black(yard, clean):
-    rainy, _ = taken(DarkPattern(replace(AMBIENT, stops=200.0), SILENT), clean, yard)
-    assert np.isfinite(rainy).all()
-    assert to_uint8(rainy).max() == 0
-    noisy, _ = taken(DarkPattern(replace(AMBIENT, stops=200.0), NOISE), clean, yard)
-    assert 0 < noisy.max() < 0.1  # what is read in the dark
 
 
 def test_noise_is_the_seeds_and_another_in_every_view(yard, clean):
@@ -90,8 +76,3 @@ def test_a_grade_does_its_harm(yard, index):
     pairs = [(taken(replace(drawn, noise=SILENT), sample, yard)[0], sample) for sample in yard.samples]
     found = np.mean([np.mean((rainy - sample) ** 2) for rainy, sample in pairs])
     assert found == pytest.approx(wanted_harm(LOSS["dark"][pattern.grade], yard), rel=0.02)
-
-
-def test_what_cards_say(yard):
-    words = Dark().describe(json.loads(json.dumps(Dark().place(DarkPattern(AMBIENT, NOISE), PATTERN, yard).parameters)))
-    assert words == "darker by 1.30 stops, noise of 2.2% in white and 0.10% in black"

@@ -83,12 +83,6 @@ def test_what_has_no_depth_is_sky_behind_a_layer_of_haze(yard, ahead, nothing):
     assert np.allclose(cover(10.0, ahead, yard)[:, 30:], 1)
 
 
-def test_points_tell_distances_where_there_is_no_depth_map(yard):
-    view = yard.views[0]  # the ring stands about four units from the points
-    middle = cover(0.1, view, yard)[15:21, 20:28]
-    assert 1 - np.exp(-0.1 * 2.8) < middle.mean() < 1 - np.exp(-0.1 * 5.2)
-
-
 def test_neither_depth_nor_points(yard, ahead):
     blind = replace(yard, points=no_points())
     with pytest.raises(InputError, match=r"(?s)how far away things are cannot be told.*0 points.*add depth maps"):
@@ -122,10 +116,3 @@ def test_a_grade_does_its_harm(yard, index):
     ]
     found = np.mean([np.mean((rainy - sample) ** 2) for rainy, sample in pairs])
     assert found == pytest.approx(wanted_harm(haze.LOSS["haze"][pattern.grade], yard), rel=0.05)
-
-
-def test_a_heavier_grade_has_more_haze_and_the_same_seed_the_same(yard):
-    drawn = [Haze().draw(Pattern("haze", i), yard).extinction for i in range(3)]
-    assert 0 < drawn[0] < drawn[1] < drawn[2]
-    assert Haze().draw(PATTERN, yard) == Haze().draw(PATTERN, yard)
-    assert Haze().draw(PATTERN, yard) != Haze().draw(PATTERN, replace(yard, seed=1))

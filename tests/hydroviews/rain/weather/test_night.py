@@ -7,16 +7,16 @@ from scipy import integrate
 
 from hydroviews.errors import InputError
 from hydroviews.rain.effect import fall
-from hydroviews.rain.patterns import Pattern, pattern_generator
+from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.scene_statistics import Light
 from hydroviews.rain.severity import wanted_harm
 from hydroviews.rain.weather import lamps
 from hydroviews.rain.weather.dark import AmbientPattern
-from hydroviews.rain.weather.night import COLD, WARM, Evening, Lamps, Night, draw_evening
+from hydroviews.rain.weather.night import Evening, Lamps, Night
 from hydroviews.rain.weather.severity import LOSS
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.depth import depth_path, write_depth
-from hydroviews.scene.images import luminance, to_linear, to_srgb
+from hydroviews.scene.images import to_linear, to_srgb
 from hydroviews.scene.scenes import no_points
 
 PATTERN = Pattern("night", 2)
@@ -62,15 +62,6 @@ def test_lit_air_against_the_integral_along_the_ray(ahead):
             assert lamps.illumination(along, beside, np.full(along.shape, far))[row, column] == pytest.approx(
                 light(far)
             )
-
-
-def test_rays_pass_through_what_a_camera_projects(yard):
-    camera = yard.views[2].camera
-    ways = lamps.rays(camera)
-    pixels, depth = camera.project(camera.centre + 3.0 * ways.reshape(-1, 3))
-    assert (depth > 0).all()
-    y, x = np.mgrid[0 : camera.height, 0 : camera.width] + 0.5
-    assert np.allclose(pixels, np.stack([x, y], axis=-1).reshape(-1, 2))
 
 
 def test_a_lamp_has_its_place_in_the_world(yard, ahead):
@@ -126,15 +117,6 @@ def test_the_equation_of_the_night(yard, ahead):
     assert np.abs(night - to_srgb(expected)).max() < 1e-5
 
 
-def test_by_day_lamps_do_nothing(yard, ahead):
-    picture = np.random.default_rng(0).random((30, 40, 3)).astype(np.float32)
-    picture[5, 5] = 1
-    wall(ahead, 2.5)
-    day, layers = lit(replace(EVENING, ambient=replace(EVENING.ambient, stops=0.0)), picture, ahead, yard)
-    assert not any(plane.any() for plane in layers.values())
-    assert np.abs(day - picture).max() < 1e-6
-
-
 @pytest.mark.parametrize("index", [0, 1, 2])
 def test_a_grade_does_its_harm(yard, index):
     yard = replace(yard, metres_per_unit=5.0)  # so small a scene is all lit by its lamps
@@ -147,18 +129,6 @@ def test_a_grade_does_its_harm(yard, index):
         for view, sample in zip(yard.sampled_views, yard.samples, strict=True)
     ]
     assert np.mean([np.mean((s - c) ** 2) for s, c in pairs]) == pytest.approx(wanted, rel=0.03)
-
-
-def test_lamps_hang_high_and_off_the_walls(yard):
-    points = yard.points.positions
-    for seed in range(5):
-        evening = draw_evening(pattern_generator(PATTERN, replace(yard, seed=seed)), yard)
-        assert 2 <= len(evening.lamps) <= 5
-        for lamp in evening.lamps:
-            assert 0 < np.linalg.norm(points - lamp, axis=1).min() < 0.31
-            assert lamp[1] < np.quantile(points[:, 1], 0.45)  # y is down
-        assert luminance(np.float32(evening.colour)) == pytest.approx(1, abs=0.01)
-    assert luminance(np.float32([WARM, COLD])) == pytest.approx(1, abs=0.01)
 
 
 def test_scenes_without_points(yard, ahead):

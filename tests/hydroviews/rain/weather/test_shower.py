@@ -1,5 +1,3 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.sparse import csr_array
@@ -9,7 +7,6 @@ from hydroviews.dataset.build import build
 from hydroviews.dataset.card.contact_sheet import write_sheets
 from hydroviews.dataset.checks.verify import verify
 from hydroviews.dataset.statistics import read_statistics
-from hydroviews.rain.compositing import WATER, LayerPlane
 from hydroviews.rain.effect import fall
 from hydroviews.rain.lens.optics.path_matte import PathMatte
 from hydroviews.rain.lens.severity import drops_harm
@@ -17,13 +14,11 @@ from hydroviews.rain.light import expand_highlights
 from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.registry import parse_pattern
 from hydroviews.rain.severity import wanted_harm
-from hydroviews.rain.weather.chain import Chain, seen_through
-from hydroviews.rain.weather.haze import Haze
-from hydroviews.rain.weather.noise import NoisePattern
+from hydroviews.rain.weather.chain import seen_through
 from hydroviews.rain.weather.severity import LOSS, SHARES
 from hydroviews.rain.weather.shower import Shower
 from hydroviews.scene.depth import depth_path, write_depth
-from hydroviews.scene.images import luminance, to_linear, to_srgb, to_uint8
+from hydroviews.scene.images import luminance, to_linear
 
 PATTERN = Pattern("shower", 1)
 OWN = "hydroviews.rain.weather."  # effects by their full names are there before they are registered
@@ -48,14 +43,6 @@ def rain(yard):
     return Shower().place(Shower().draw(PATTERN, yard), PATTERN, yard)
 
 
-def test_planes_have_the_names_of_their_parts():
-    names = {"haze.H", *(f"{part}.{key}" for part in ("storm", "lens") for key in WATER), "noise.NR"}
-    assert names < set(Shower.planes)
-    assert Shower.needs_optics
-    assert Shower.needed == ("ambient", "haze", "storm", "lens", "noise")
-    assert Shower.falling in Shower.planes
-
-
 def test_each_part_falls_on_what_those_before_it_left(yard, rain, tmp_path):
     """By hand: the drop shows the dark, hazy, rainy scene, and what comes out is the composite."""
     view = yard.views[0]
@@ -73,23 +60,6 @@ def test_each_part_falls_on_what_those_before_it_left(yard, rain, tmp_path):
     assert np.array_equal(picture, Shower().composite(rain.parameters, clean, layers))
 
 
-def test_mist_and_haze_have_the_light_of_the_darkened_scene(yard, rain):
-    stops = rain.parameters["ambient"]["stops"]
-    assert stops > 0
-    plain = np.array(yard.light.air)
-    for name, key in (("haze", "airlight"), ("lens", "air_light")):
-        light = np.array(rain.parameters[name][key]) / rain.parameters[name]["air"]
-        assert (light < plain).all()
-    dark = seen_through(
-        Shower.parts["ambient"],
-        Shower.parts["ambient"].place(Shower().draw(PATTERN, yard)["ambient"], PATTERN, yard),
-        yard,
-    )
-    assert rain.parameters["haze"]["airlight"] == pytest.approx(
-        np.array(dark.light.air) * rain.parameters["haze"]["air"], abs=1e-5
-    )
-
-
 @pytest.mark.parametrize("index", [0, 1, 2])
 def test_parts_do_their_shares_of_the_harm(yard, index, tmp_path):
     pattern = Pattern("shower", index)
@@ -105,27 +75,6 @@ def test_parts_do_their_shares_of_the_harm(yard, index, tmp_path):
     assert drops_harm(drawn["lens"].coverage, seen) <= 1.1 * SHARES["drops"] * wanted
     assert 0 < drawn["storm"].density <= 6
     assert sum(SHARES.values()) == pytest.approx(1)
-
-
-def test_a_chain_of_parts_that_need_nothing_is_its_effects_one_by_one(yard, tmp_path):
-    class Twice(Chain):
-        parts = {"near": Haze(), "far": Haze()}  # noqa: RUF012
-
-        def draw(self, pattern, statistics):
-            return {name: Haze().draw(pattern, statistics) for name in self.parts}
-
-    drawn = Twice().draw(PATTERN, yard)
-    rain, view = Twice().place(drawn, PATTERN, yard), yard.views[1]
-    clean = view.image()
-    once = Haze().place(drawn["near"], PATTERN, yard)
-    first = fall(once.prepare(view.camera, tmp_path), clean, view)
-    hazy = Haze().composite(once.parameters, clean, first)
-    layers = fall(rain.prepare(view.camera, tmp_path), clean, view)
-    assert np.array_equal(layers["near.H"], first["H"])
-    second = Haze().composite(rain.parameters["far"], hazy, {"H": layers["far.H"]})
-    assert np.array_equal(Twice().composite(rain.parameters, clean, layers), second)
-    assert Twice().describe(rain.parameters).startswith("near: extinction of ")
-    assert Twice.planes["far.H"] == LayerPlane("cover by haze", "mist")
 
 
 def test_weather_is_built_verified_described_and_shown(tmp_path):
@@ -148,31 +97,3 @@ def test_weather_is_built_verified_described_and_shown(tmp_path):
     for words in ("darker by", "lamps: ", "extinction of", "noise of", "mm/h"):
         assert words in card
     assert all(path.stat().st_size > 1000 for path in write_sheets(folder))
-
-
-def test_noise_comes_last_and_only_on_the_picture(yard, rain, tmp_path):
-    """The other layers are the same whatever the sensor."""
-    quiet = Shower().draw(PATTERN, yard) | {"noise": NoisePattern(0.0, 0.0)}
-    view = yard.views[0]
-    clean = view.image()
-    noisy, silent = (
-        fall(r.prepare(view.camera, tmp_path), clean, view) for r in (rain, Shower().place(quiet, PATTERN, yard))
-    )
-    assert all(np.array_equal(noisy[key], silent[key]) for key in noisy)
-    assert list(Shower.parts)[-1] == "noise"
-
-
-def test_one_view_has_one_key_frame(yard):
-    alone = replace(yard, views=yard.views[:1], samples=yard.samples[:1])
-    assert Shower().draw(PATTERN, alone)["lens"].key_frames == 1
-
-
-def test_a_black_scene(yard):
-    samples = tuple(np.zeros_like(sample) for sample in yard.samples)
-    black = replace(yard, samples=samples, detail=0.0, light=replace(yard.light, mean=(0.0,) * 3, air=(0.0,) * 3))
-    rain = Shower().place(Shower().draw(PATTERN, black), PATTERN, black)
-    view = yard.views[0]
-    layers = fall(rain.prepare(view.camera, view.path.parent), samples[0], view)
-    assert all(np.isfinite(plane).all() for plane in layers.values())
-    assert to_uint8(Shower().composite(rain.parameters, samples[0], layers)).max() < 30
-    assert to_srgb(np.zeros(3)).max() == 0

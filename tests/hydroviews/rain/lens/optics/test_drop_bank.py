@@ -61,13 +61,6 @@ def test_moved_drops_take_their_light_along_and_the_picture_is_mirrored_only_the
     np.testing.assert_allclose(found.radiance, there.radiance, atol=1e-5)
 
 
-def test_a_drop_can_be_shown_alone(light):
-    bank = cut(traced(), (0, 0), 2, left_or_right(0))
-    alone = painted(bank, light, [1])
-    assert not alone.mask[:, :8].any()
-    assert (alone.mask > 0).sum() == 9
-
-
 def test_water_over_water_hides_it_and_no_light_is_gained(light):
     bank = cut(traced(), (0, 0), 2, left_or_right(0))
     painter = painted(bank, np.ones_like(light), [0, 0, 1, 1])

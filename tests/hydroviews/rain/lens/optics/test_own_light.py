@@ -22,12 +22,6 @@ def test_paths_that_turn_upwards_are_bright_wherever_they_are():
     assert EDGE.share(pixel, middle + np.array([0, -10]), 100) == pytest.approx([0.5, 0.5, 0.5])
 
 
-def test_the_bright_part_is_a_crescent():
-    pixel = np.zeros(3, int)
-    aside = np.array([[0.5, 0.5 - 15], [0.5 + 15, 0.5 - 15], [0.5 + 30, 0.5 - 15]])
-    assert np.all(np.diff(EDGE.share(pixel, aside, 1)) >= 0)
-
-
 def test_paths_that_end_nowhere_are_dark():
     traced = {
         "cover": np.ones((2, 2)),
@@ -45,13 +39,6 @@ def test_own_light_mixes_bright_and_dark():
     assert np.allclose(light.radiance(mask, sky), 0.3 * bright + 0.5 * dark)
     glaring = OwnLight(replace(PATTERN, tilt=0.03), 4, 3)
     assert np.allclose(glaring.radiance(mask, mask), 0.8 * GLARE * bright)
-
-
-def test_own_light_is_uneven_over_the_pane():
-    plane = np.ones((30, 40), np.float32)
-    lit = OwnLight(replace(PATTERN, uneven=0.5), 40, 30).radiance(plane, plane)
-    assert lit.std() > 0.02
-    assert lit.max() <= to_linear(np.array([PATTERN.bright], np.float32))[0] + 1e-6
 
 
 def test_a_tilted_pane_is_sharp_on_one_side_and_blurred_on_the_other():

@@ -26,26 +26,17 @@ def rng():
     return np.random.default_rng(0)
 
 
-def test_straight_paths_show_the_picture_itself(picture):
-    matte = paths_from(pixel_centres())
-    np.testing.assert_allclose(matte.apply(picture), picture, atol=1e-6)
-    assert matte.mask.min() == 1
-
-
 def test_paths_between_pixels_are_bilinear(picture):
     shifted = paths_from(pixel_centres() + np.array([0.25, 0])).apply(picture)
     np.testing.assert_allclose(shifted[:, :-1], 0.75 * picture[:, :-1] + 0.25 * picture[:, 1:], atol=1e-6)
 
 
-@pytest.mark.parametrize(("offset", "flip"), [([7, 0], 1), ([-7, 0], 1), ([0, 5], 0), ([0, -5], 0)])
+@pytest.mark.parametrize(
+    ("offset", "flip"), [((7, 0), 1), ((-7, 0), 1), ((0, 5), 0), ((0, -5), 0), ((28, -10), ())], ids=str
+)
 def test_the_picture_is_mirrored_beyond_its_borders(picture, offset, flip):
-    np.testing.assert_allclose(
-        paths_from(pixel_centres() + offset).apply(picture), np.flip(picture, axis=flip), atol=1e-6
-    )
-
-
-def test_two_periods_away_is_the_picture_again(picture):
-    np.testing.assert_allclose(paths_from(pixel_centres() + np.array([28, -10])).apply(picture), picture, atol=1e-6)
+    found = paths_from(pixel_centres() + offset).apply(picture)
+    np.testing.assert_allclose(found, np.flip(picture, axis=flip), atol=1e-6)
 
 
 def test_light_that_no_path_accounts_for_is_as_bright_as_the_view(picture):
@@ -71,11 +62,6 @@ def test_defocus_is_a_disk_of_the_given_diameter():
     assert np.all(spread[np.hypot(x, y) > 6.3] == 0)
     np.testing.assert_allclose(spread[np.hypot(x, y) < 4.7], 1 / (np.pi * 5.5**2), rtol=0.02)
     assert defocus(point, 0.9) is point
-
-
-def test_a_picture_of_another_size_is_refused(picture):
-    with pytest.raises(ValueError, match="found"):
-        paths_from(pixel_centres()).apply(picture[:4])
 
 
 def test_a_matte_comes_back_from_its_file(picture, tmp_path):

@@ -20,20 +20,15 @@ def test_mist_is_smooth_and_within_its_level(seed):
 
 
 def test_level_scales_the_same_form():
-    strong, weak = (mist_veil(replace(PATTERN, mist=level), 64, 48, 0.0) for level in (0.8, 0.2))
+    strong, weak, none = (mist_veil(replace(PATTERN, mist=level), 64, 48, 0.0) for level in (0.8, 0.2, 0.0))
     np.testing.assert_allclose(strong, 4 * weak, rtol=1e-5)
+    assert not none.any()
 
 
 def test_the_form_does_not_depend_on_the_size_of_the_picture():
     large, small = mist_veil(PATTERN, 640, 480, 0.5), mist_veil(PATTERN, 64, 48, 0.5)
     shrunk = cv2.resize(large, (64, 48), interpolation=cv2.INTER_AREA)
     np.testing.assert_allclose(shrunk, small, atol=0.01)
-
-
-def test_mist_drifts_slightly_and_seeds_differ():
-    start, end = (mist_veil(PATTERN, 80, 60, moment) for moment in (0.0, 1.0))
-    other = mist_veil(replace(PATTERN, seed=1), 80, 60, 0.0)
-    assert 0.002 < np.abs(end - start).mean() < 0.6 * np.abs(other - start).mean()
 
 
 def test_running_drops_wipe_it_thin():
@@ -44,14 +39,3 @@ def test_running_drops_wipe_it_thin():
     share = wiped[row, column].sum() / whole[row, column].sum()
     assert share < 0.4
     assert np.median(wiped / np.maximum(whole, 1e-9)) > 0.99
-
-
-@pytest.mark.parametrize("size", [(1, 1), (17, 15), (400, 40), (3, 300)])
-def test_any_size_of_picture(size):
-    veil = mist_veil(PATTERN, *size, 0.5)
-    assert veil.shape == size[::-1]
-    assert np.all((veil >= 0) & (veil <= 0.5))
-
-
-def test_no_mist():
-    assert not mist_veil(replace(PATTERN, mist=0.0), 20, 10, 0.0).any()

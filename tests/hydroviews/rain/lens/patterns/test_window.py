@@ -7,7 +7,6 @@ import pytest
 
 from hydroviews.errors import InputError
 from hydroviews.rain.lens.optics.mesh import water_mesh
-from hydroviews.rain.lens.patterns.beads import Beads, log_normal, no_beads
 from hydroviews.rain.lens.patterns.film import draw_film
 from hydroviews.rain.lens.patterns.mist import window_mist
 from hydroviews.rain.lens.patterns.runs import draw_rivulets
@@ -37,18 +36,6 @@ def test_a_kind_has_its_ingredients(name):
     assert len(water_at(pattern, EXTENT, 0.0).beads) > 0.5 * pattern.droplets
 
 
-def test_kinds_differ_between_grades():
-    assert len({kind for kinds in BY_GRADE for kind in kinds}) == len(KINDS) == 6
-
-
-def test_the_same_seed_gives_the_same_water():
-    pattern = replace(of_kind("drenched"), droplets=300, film=1)
-    one, same = (water_at(pattern, EXTENT, 0.0).beads for _ in range(2))
-    other = water_at(replace(pattern, seed=pattern.seed + 1), EXTENT, 0.0).beads
-    assert all(np.array_equal(a, b) for a, b in zip(vars(one).values(), vars(same).values(), strict=True))
-    assert not np.array_equal(one.places[:50], other.places[:50])
-
-
 def test_radii_of_beads_are_those_of_published_pictures():
     width = EXTENT[0]
     for seed in range(3):
@@ -66,15 +53,6 @@ def test_beads_keep_apart():
     assert (apart < near)[~np.eye(len(beads), dtype=bool)].mean() < 1e-4
 
 
-def test_patches_leave_regions_free():
-    def emptiest(patches: float) -> float:
-        places = water_at(replace(EVEN, patches=patches, droplets=800), EXTENT, 0.0).beads.places
-        counts, *_ = np.histogram2d(*places.T, bins=6, range=[(0, EXTENT[0]), (0, EXTENT[1])])
-        return float(np.quantile(counts / counts.mean(), 0.15))
-
-    assert emptiest(1.0) < 0.3 < emptiest(0.0)
-
-
 def test_larger_water_hides_beads_and_runs_wipe_them():
     pattern = replace(EVEN, coverage=0.03, rivulets=2, droplets=1500)
     water = water_at(pattern, EXTENT, 0.0)
@@ -88,14 +66,6 @@ def test_larger_water_hides_beads_and_runs_wipe_them():
     assert np.linalg.norm(water.beads.places[:, None] - ways[None], axis=-1).min() > reach
 
 
-def test_film_lies_in_bands():
-    film = draw_film(replace(EVEN, film=3), EXTENT)
-    columns, _ = np.histogram(film.places[:, 0], bins=60, range=(0, EXTENT[0]))
-    assert np.sort(columns)[-20:].sum() > 0.85 * len(film)
-    assert (film.aspects > 2).sum() > 50  # ridges
-    assert len(draw_film(replace(EVEN, film=0), EXTENT)) == 0
-
-
 def test_meshes_of_beads_are_closed_and_as_high_as_spheres_caps():
     camera = Camera(120, 100, 100, 100, 60, 50, np.eye(4))
     pattern = replace(EVEN, droplets=40)
@@ -105,18 +75,6 @@ def test_meshes_of_beads_are_closed_and_as_high_as_spheres_caps():
     height = float(mesh.vertices[:, 2].max()) - 1
     expected = (water.beads.radii * np.tan(water.beads.angles / 2)).max() * np.sqrt(120 * 100) / 100
     assert height == pytest.approx(expected, rel=1e-3)
-
-
-def test_log_normal_radii_fall():
-    radii = log_normal(np.random.default_rng(0), 4000, 0.0035, 0.8)
-    assert np.all(np.diff(radii) <= 0)
-    assert np.median(radii) == pytest.approx(0.0035, rel=0.05)
-
-
-def test_no_beads_are_none():
-    assert len(no_beads()) == 0
-    assert no_beads().disks.shape == (0, 3)
-    assert isinstance(no_beads()[np.zeros(0, int)], Beads)
 
 
 def test_mist_of_a_pane_is_uneven_and_wiped():

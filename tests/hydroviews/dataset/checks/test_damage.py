@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from damage import contents, damage, paint
 from in_the_way import KINDS, not_for_ever, swap
-from synthetic import capture_in
 
 from hydroviews.dataset.build import build
 from hydroviews.dataset.checks.verify import verify
@@ -19,124 +18,79 @@ from hydroviews.errors import InputError
 from hydroviews.files import known_bytes
 from hydroviews.files.atomic import sha256, write_bytes
 from hydroviews.formats.read import read_scene
-from hydroviews.formats.writers import write_colmap
 from hydroviews.rain.patterns import Pattern
 from hydroviews.scene.images import write_png
-from hydroviews.scene.masks import mask_name, write_ignored
+from hydroviews.scene.masks import write_ignored
 
-STREAK, HEAVY = Pattern("streak", 0), Pattern("streak", 2)
-
-
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory):
-    """A capture with a mask, and its scene in streaks."""
-    folder = tmp_path_factory.mktemp("finished")
-    capture = folder / "capture" / "yard"
-    write_colmap(capture_in(capture), capture / "sparse" / "0")
-    write_ignored(capture / "masks" / mask_name("view-03.png"), np.eye(36, 48, dtype=bool))
-    build(read_scene(capture), folder / "data", patterns=[STREAK])
-    return folder
-
-
-@pytest.fixture
-def built(finished, tmp_path):
-    """The capture's scene object and the built scene, for the test to change."""
-    for name in ("capture", "data"):
-        shutil.copytree(finished / name, tmp_path / name, symlinks=True)
-    return read_scene(tmp_path / "capture" / "yard"), tmp_path / "data" / "yard"
+STREAK, HEAVY = Pattern("streak", 1), Pattern("streak", 2)
 
 
 def again(built, **changes):
-    scene, folder = built
-    return build(scene, folder.parent, **{"patterns": [STREAK], **changes})
+    capture = read_scene(built.parents[1] / "capture" / "yard")
+    return build(capture, built.parent, **{"patterns": [STREAK], **changes})
 
 
 @pytest.mark.parametrize(
     ("name", "read"),
     [
         ("clean/view-00.png", lambda folder: [view.image() for view in open_clean(folder).test_views]),
-        ("streak-0/images/view-01.png", lambda folder: open_variant(folder, "streak-0").train_views[0].image()),
+        ("streak-1/images/view-01.png", lambda folder: open_variant(folder, "streak-1").train_views[0].image()),
         ("masks/view-03.png.png", lambda folder: [view.ignored() for view in open_clean(folder).views]),
         ("sparse/0/images.bin", open_clean),
-        ("sparse/0/points3D.bin", lambda folder: open_variant(folder, "streak-0")),
+        ("sparse/0/points3D.bin", lambda folder: open_variant(folder, "streak-1")),
         ("split.json", open_clean),
     ],
 )
 def test_a_file_that_changed_is_named_and_not_read(built, name, read):
-    _, folder = built
-    read(folder)
-    damage(folder / name)
+    read(built)
+    damage(built / name)
     with pytest.raises(InputError, match=f"{name}: changed since it was built"):
-        read(folder)
+        read(built)
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize(
-    "name",
-    [
-        "split.json",
-        "request.json",
-        "transforms.json",
-        "README.md",
-        "clean/view-00.png",
-        "masks/view-03.png.png",
-        "sparse/0/images.bin",
-        "sparse/0/points3D.bin",
-        "streak-0/pattern.json",
-        "streak-0/statistics.csv",
-        "streak-0/transforms.json",
-        "streak-0/images/view-01.png",
-        "streak-0/layers/view-01.exr",
-    ],
-)
-def test_something_else_where_a_file_belongs_is_a_problem_and_the_rest_is_looked_at(built, name, kind):
-    _, folder = built
-    damage(folder / "clean/view-02.png")
-    assert (folder / name).is_file()
-    swap(folder / name, kind)
+def test_something_else_where_a_file_belongs_is_a_problem_and_the_rest_is_looked_at(built, kind):
+    names = ["split.json", "request.json", "transforms.json", "README.md", "clean/view-00.png"]
+    names += ["masks/view-03.png.png", "sparse/0/images.bin", "sparse/0/points3D.bin"]
+    names += [f"streak-1/{name}" for name in ("pattern.json", "statistics.csv", "transforms.json")]
+    names += ["streak-1/images/view-01.png", "streak-1/layers/view-01.exr"]
+    damage(built / "clean/view-02.png")
+    for name in names:
+        assert (built / name).is_file(), name
+        swap(built / name, kind)
     with not_for_ever():
-        problems = verify(folder.parent)
-    assert any(f"{folder / name}: not a file, found: a {kind}" in problem for problem in problems)
-    assert f"{folder / 'clean/view-02.png'}: changed since it was built" in problems
+        problems = "\n".join(verify(built.parent))
+    for name in names:
+        assert f"{built / name}: not a file, found: a {kind}" in problems
+    assert f"{built / 'clean/view-02.png'}: changed since it was built" in problems
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_something_else_where_the_manifest_belongs_is_refused(built, kind):
-    _, folder = built
-    swap(folder.parent / "manifest.json", kind)
+    swap(built.parent / "manifest.json", kind)
     with not_for_ever(), pytest.raises(InputError, match=rf"manifest\.json: not a file\n +found: a {kind}"):
-        read_manifest(folder.parent)
+        read_manifest(built.parent)
 
 
 def test_what_is_not_listed_is_not_read(built):
-    _, folder = built
-    shutil.copytree(folder / "sparse" / "0", folder / "sparse" / "1")
-    (folder / "streak-0" / "split.json").write_text('{"train": ["view-00", "view-08"], "test": ["view-01"]}')
-    write_ignored(folder / "masks" / "smuggled.png.png", np.ones((36, 48), bool))
-    opened = open_variant(folder, "streak-0")
-    assert opened.split.test == ("view-00", "view-08")
-    shutil.copytree(folder / "streak-0", folder / "streak-1", symlinks=True)
-    with pytest.raises(InputError, match="streak-1/images: views that are not in the manifest"):
-        open_variant(folder, "streak-1")
-    (folder / "depth").mkdir()
-    (folder / "depth" / "view-02.exr").touch()
+    shutil.copytree(built / "sparse" / "0", built / "sparse" / "1")
+    (built / "streak-1" / "split.json").write_text('{"train": ["view-00", "view-08"], "test": ["view-01"]}')
+    write_ignored(built / "masks" / "smuggled.png.png", np.ones((36, 48), bool))
+    assert open_variant(built, "streak-1").split.test == ("view-00", "view-08")
+    shutil.copytree(built / "streak-1", built / "streak-2", symlinks=True)
+    with pytest.raises(InputError, match="streak-2/images: views that are not in the manifest"):
+        open_variant(built, "streak-2")
+    (built / "depth").mkdir()
+    (built / "depth" / "view-02.exr").touch()
     with pytest.raises(InputError, match=r"depth/view-02\.exr: not in the manifest"):
-        open_clean(folder)
-
-
-def test_a_folder_that_no_manifest_lists_is_read_as_it_is(built):
-    _, folder = built
-    (folder.parent / "manifest.json").unlink()
-    paint(folder / "clean" / "view-00.png")
-    assert open_clean(folder).test_views[0].image().shape == (36, 48, 3)
+        open_clean(built)
 
 
 def test_a_file_is_hashed_once_until_it_is_touched(built, monkeypatch):
-    _, folder = built
-    path, hashed = folder / "clean" / "view-00.png", []
+    path, hashed = built / "clean" / "view-00.png", []
     monkeypatch.setattr(known_bytes, "sha256", lambda file: hashed.append(file) or sha256(file))
     monkeypatch.setattr(known_bytes, "SETTLED", 0)
-    view = open_clean(folder).test_views[0]
+    view = open_clean(built).test_views[0]
     del hashed[:]
     for _ in range(3):
         view.image()
@@ -156,90 +110,83 @@ def test_a_file_is_hashed_once_until_it_is_touched(built, monkeypatch):
 
 
 def test_a_painted_view_is_not_taken_for_a_good_one(built):
-    _, folder = built
-    before = read_manifest(folder.parent)
-    paint(folder / "clean" / "view-05.png")
+    before = read_manifest(built.parent)
+    paint(built / "clean" / "view-05.png")
     for patterns in ([STREAK], [STREAK, HEAVY], []):
         with pytest.raises(InputError, match=r"clean/view-05\.png: changed or missing[\s\S]*--repair"):
             again(built, patterns=patterns)
-    assert read_manifest(folder.parent) == before
-    assert not (folder / "streak-2").exists()
+    assert read_manifest(built.parent) == before
+    assert not (built / "streak-2").exists()
 
 
 def test_other_rain_that_changed_holds_up_what_is_added_alone(built):
     again(built, patterns=[HEAVY])
-    _, folder = built
-    paint(folder / "streak-2" / "images" / "view-05.png")
+    paint(built / "streak-2" / "images" / "view-05.png")
     again(built)
     with pytest.raises(InputError, match="streak-2/images/view-05"):
-        again(built, patterns=[Pattern("streak", 1)])
+        again(built, patterns=[Pattern("streak", 0)])
 
 
 @pytest.mark.parametrize(
     "names",
     [
-        ["clean/view-05.png", "streak-0/layers/view-04.exr", "README.md"],
-        ["sparse/0/cameras.bin", "transforms.json", "streak-0/transforms.json", "split.json"],
-        ["streak-0/pattern.json", "statistics.csv", "streak-0/statistics.csv", "masks/view-00.png.png"],
+        ["clean/view-05.png", "streak-1/layers/view-04.exr", "README.md"],
+        ["sparse/0/cameras.bin", "transforms.json", "streak-1/transforms.json", "split.json"],
+        ["streak-1/pattern.json", "statistics.csv", "streak-1/statistics.csv", "masks/view-00.png.png"],
     ],
 )
 def test_repair_makes_the_same_bytes_again(built, names, caplog):
-    _, folder = built
-    whole = contents(folder)
+    whole = contents(built)
     for name in names:
-        damage(folder / name)
+        damage(built / name)
     again(built, repair=True)
     assert f"{len(names)} changed files are made again" in caplog.text
-    assert contents(folder) == whole
-    assert verify(folder.parent, every_view=True) == []
+    assert contents(built) == whole
+    assert verify(built.parent, every_view=True) == []
 
 
 def test_a_repair_that_was_interrupted_is_ended_by_the_next_build(built, monkeypatch):
-    _, folder = built
-    whole = contents(folder)
-    for name in ("clean/view-05.png", "sparse/0/cameras.bin", "streak-0/images/view-04.png"):
-        damage(folder / name)
+    def full_disk(scene, folder):
+        raise InputError(f"{folder}: no space left on the disk")
+
+    whole = contents(built)
+    for name in ("clean/view-05.png", "sparse/0/cameras.bin", "streak-1/images/view-04.png"):
+        damage(built / name)
     with monkeypatch.context() as disk:
         disk.setattr("hydroviews.dataset.clean_views.write_colmap", full_disk)
         with pytest.raises(InputError, match="no space left"):
             again(built, repair=True)
-    assert not (folder / "sparse" / "0").exists()
+    assert not (built / "sparse" / "0").exists()
     again(built)
-    assert contents(folder) == whole
-    assert verify(folder.parent) == []
-
-
-def full_disk(scene, folder):
-    raise InputError(f"{folder}: no space left on the disk")
+    assert contents(built) == whole
+    assert verify(built.parent) == []
 
 
 def test_what_cannot_be_repaired_is_refused(built, monkeypatch):
-    _, folder = built
-    damage(folder / "request.json")
+    damage(built / "request.json")
     with pytest.raises(InputError, match=r"request\.json: changed[\s\S]*or remove .*yard and build it again"):
         again(built, repair=True)
-    shutil.rmtree(folder)
-    assert again(built) == folder
-    damage(folder / "clean" / "view-02.png")
+    shutil.rmtree(built)
+    assert again(built) == built
+    damage(built / "clean" / "view-02.png")
     with monkeypatch.context() as other:
         other.setattr("hydroviews.dataset.drawing_code._digest_of_ours", lambda: "another")
         with pytest.raises(InputError, match=r"view-02\.png: changed[\s\S]*or remove .*yard and build it again"):
             again(built, repair=True)
-        assert (folder / "clean" / "view-02.png").is_file()
+        assert (built / "clean" / "view-02.png").is_file()
     monkeypatch.setattr("hydroviews.dataset.clean_views.write_png", lambda path, image: write_png(path, image * 0.9))
     with pytest.raises(InputError, match=r"view-02\.png: changed or missing"):  # another machine's bytes
         again(built, repair=True)
-    assert changed_files({folder / "clean/view-02.png": "of before"}, "") == [folder / "clean/view-02.png"]
+    assert changed_files({built / "clean/view-02.png": "of before"}, "") == [built / "clean/view-02.png"]
 
 
 def test_finished_files_are_read_only_and_can_be_replaced(built):
-    _, folder = built
-    modes = {stat.S_IMODE(path.stat().st_mode) for path in scene_files(folder)}
+    modes = {stat.S_IMODE(path.stat().st_mode) for path in scene_files(built)}
     assert modes == {0o444}
-    write_bytes(folder / "README.md", b"annotated")
-    record_files(folder.parent, "yard", ["README.md"])
-    assert stat.S_IMODE((folder / "README.md").stat().st_mode) == 0o444
-    shutil.rmtree(folder)
+    write_bytes(built / "README.md", b"annotated")
+    record_files(built.parent, "yard", ["README.md"])
+    assert stat.S_IMODE((built / "README.md").stat().st_mode) == 0o444
+    shutil.rmtree(built)
 
 
 @pytest.mark.parametrize(
@@ -252,17 +199,16 @@ def test_finished_files_are_read_only_and_can_be_replaced(built):
         (lambda entry: entry.update(files=["a"]), "no files"),
         (lambda entry: entry.update(patterns=None), "patterns None"),
         (lambda entry: entry.update(held_back=5), "held_back 5"),
-        (lambda entry: entry.update(patterns=[["streak-0"]]), "patterns"),
-        (lambda entry: entry.update(patterns=["../streak-0"]), "patterns"),
+        (lambda entry: entry.update(patterns=[["streak-1"]]), "patterns"),
+        (lambda entry: entry.update(patterns=["../streak-1"]), "patterns"),
     ],
 )
 def test_odd_manifests_are_refused_by_all_who_read_them(built, change, expected):
-    _, folder = built
-    path = folder.parent / "manifest.json"
+    path = built.parent / "manifest.json"
     manifest = json.loads(path.read_text())
     change(manifest["scenes"]["yard"])
     path.write_text(json.dumps(manifest))
-    for read in (lambda: verify(folder.parent), lambda: open_clean(folder), lambda: again(built)):
+    for read in (lambda: verify(built.parent), lambda: open_clean(built), lambda: again(built)):
         with pytest.raises(InputError, match="not a manifest, scene 'yard'") as refusal:
             read()
         assert expected in str(refusal.value)
