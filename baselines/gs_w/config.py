@@ -23,7 +23,6 @@ class ReferenceConfig(EncoderConfig):
     rate_maps: float = 2e-3  # learning rate of the U-Net
     rate_colour: float = 5e-4  # learning rate of the fusion and colour networks
     rate_coordinates: float = 4e-3  # learning rate of the coordinates in the maps, in [-1, 1]
-    box: float = 1e-3  # weight of mean(relu(|coordinate| - 1)) in the loss
     visible_price: float = 0.15  # weight of mean((1 - m)^2) in the loss
 
     def __post_init__(self) -> None:

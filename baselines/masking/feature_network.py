@@ -34,6 +34,8 @@ from baselines.training.images import Size, TrainingImages
 from baselines.training.torch_state import module_arrays, one_thread, restore_module
 from hydroviews.scene.masks import Ignored
 
+HIDDEN = 16  # units of the hidden layer; the authors'
+
 
 @dataclass(frozen=True)
 class MaskNetworkConfig:
@@ -43,7 +45,6 @@ class MaskNetworkConfig:
         features: features of the photographs: vgg, alexnet or dinov2.
         lower: share of the residuals that certainly belong to the scene, in (0, upper).
         upper: share of the residuals above which they certainly do not, in (lower, 1].
-        width: units of the hidden layer.
         octaves: octaves of the positional encoding.
         rate: learning rate of Adam.
         prior: p before the first step, in (0, 1); None: p of random weights, about 0.5.
@@ -52,7 +53,6 @@ class MaskNetworkConfig:
     features: Network = "dinov2"
     lower: float = 0.5
     upper: float = 0.9
-    width: int = 16
     octaves: int = 20
     rate: float = 1e-3
     prior: float | None = None
@@ -86,8 +86,8 @@ class MaskNetwork:
         inputs = len(self._seen[0]) + 4 * config.octaves + extra
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
-            last = nn.Linear(config.width, 1)
-            self.layers = nn.Sequential(nn.Linear(inputs, config.width), nn.ReLU(), last)
+            last = nn.Linear(HIDDEN, 1)
+            self.layers = nn.Sequential(nn.Linear(inputs, HIDDEN), nn.ReLU(), last)
         if config.prior is not None:
             nn.init.constant_(last.bias, math.log(config.prior / (1 - config.prior)))
         self.layers.to(self._seen[0].device)

@@ -4,6 +4,7 @@
     signals.py              how a training is stopped; its clock
     checkpoints.py          states in one file, and what they have to agree with
     images.py               the training photographs in memory
+    config.py               settings that trainings of scenes share
     numbers.py              checks of numeric settings
     devices.py              CPU or GPU; nvidia.py: what a machine has for it
     torch_state.py          modules of torch as arrays, and back

@@ -149,7 +149,7 @@ class FieldTrainer:
         config, iteration = self.config, self.iteration
         numbers = generator(self.seed, "jitter", iteration).random((2, config.rays), np.float32)
         jitter = torch.from_numpy(numbers).to(self.device)
-        update_proposal = iteration < config.proposal_always or iteration % config.proposal_every == 0
+        update_proposal = iteration < config.anneal or iteration % config.proposal_every == 0
         return TrainingContext(
             batch.views,
             jitter,

@@ -32,13 +32,12 @@ TRANSIENTS = TransientConfig(
     rate=1e-2,
     at_first=0.05,
     price=1.0,
-    price_at_first=1.0,
     relative=True,
     typical="mean",
 )
 TRANSFORM = TransformConfig(size=8, hidden=(16,), rate=2e-3)
 CONFIG = CrNerfConfig(balls.SHORT, 8, STYLE, TRANSFORM, TRANSIENTS, photographs=16)
-SHORT = replace(CONFIG, volumetric=replace(balls.SMALL, iterations=20, rays=64, proposal_always=10))
+SHORT = replace(CONFIG, volumetric=replace(balls.SMALL, iterations=20, rays=64, anneal=10))
 
 
 def model(config=CONFIG, views=3):
@@ -204,7 +203,7 @@ def test_colour_casts_of_the_views_are_kept_out(ball_in_casts, plain, tmp_path):
 
 
 def test_the_network_of_the_paper_is_trained_too(ball, tmp_path):
-    field = MlpFieldConfig(width=16, depth=2, skip=1, position_octaves=4, direction_octaves=1, rate=1e-2)
+    field = MlpFieldConfig(width=16, depth=2, position_octaves=4, rate=1e-2)
     config = replace(SHORT, volumetric=replace(SHORT.volumetric, field=field, iterations=3))
     method = fitted(CrNerf, replace(config, photographs=4), ball, tmp_path)
     assert method._fitted.trained.model.running.visits == pytest.approx(12 / len(ball.train_views))

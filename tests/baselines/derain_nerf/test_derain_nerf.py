@@ -26,7 +26,7 @@ from baselines.training.images import TrainingImages
 from hydroviews.errors import InputError
 from hydroviews.scene.scenes import Scene
 
-SHORT = replace(balls.SMALL, iterations=20, rays=64, proposal_always=10)
+SHORT = replace(balls.SMALL, iterations=20, rays=64, anneal=10)
 DROP = np.array([1.0, 0.0, 1.0], np.float32)  # no colour of the scene
 
 
@@ -75,7 +75,7 @@ def parameters(method):
 
 
 def test_masks_bring_back_what_drops_cost(tmp_path, drops):
-    scene, config = rainy(tmp_path / "scene"), replace(balls.SMALL, iterations=150, anneal=50, proposal_always=75)
+    scene, config = rainy(tmp_path / "scene"), replace(balls.SMALL, iterations=150, anneal=50)
     masked = fitted(DerainNeRF(DerainNeRFConfig(config, drops), 0), scene, tmp_path / "masked")
     plain = fitted(balls.Plain(config, 0), scene, tmp_path / "plain")
     with_masks, without = (balls.psnr(method.render, scene.test_views) for method in (masked, plain))

@@ -20,12 +20,10 @@ from baselines.ha_nerf.model import HaNerfModel
 from baselines.volumetric.config import MlpFieldConfig
 from baselines.volumetric.model import Rendering, Samples
 
-LOOK = LookConfig(size=8, channels=(8, 16, 16), side=24, rate=2e-3)
-VISIBILITY = VisibilityConfig(
-    code=16, octaves=4, width=32, layers=2, rate=1e-2, at_first=0.05, price=3.5, price_at_first=3.5, relative=True
-)
+LOOK = LookConfig(channels=(8, 16, 16), side=24, rate=2e-3)
+VISIBILITY = VisibilityConfig(octaves=4, width=32, rate=1e-2, at_first=0.05, price=3.5, relative=True)
 CONFIG = HaNerfConfig(balls.SMALL, LOOK, VISIBILITY, photographs=16)
-SHORT = replace(CONFIG, volumetric=replace(balls.SMALL, iterations=20, rays=64, proposal_always=10))
+SHORT = replace(CONFIG, volumetric=replace(balls.SMALL, iterations=20, rays=64, anneal=10))
 
 
 def model(config=CONFIG, views=3):
@@ -140,7 +138,7 @@ def test_colour_casts_of_the_views_are_kept_out(ball_in_casts, plain, tmp_path):
 
 
 def test_the_network_of_the_paper_is_trained_too(ball, tmp_path):
-    field = MlpFieldConfig(width=16, depth=2, skip=1, position_octaves=4, direction_octaves=1, rate=1e-2)
+    field = MlpFieldConfig(width=16, depth=2, position_octaves=4, rate=1e-2)
     config = replace(SHORT, volumetric=replace(SHORT.volumetric, field=field, iterations=3))
     method = fitted(HaNerf, replace(config, photographs=4), ball, tmp_path)
     assert method._fitted.trained.model.running.visits == pytest.approx(12 / len(ball.train_views))

@@ -26,6 +26,7 @@ from baselines.splatting.strategies.pruning import contributions
 from baselines.wild_gs.config import SHORT
 from baselines.wild_gs.mean_look import mean_look
 from baselines.wild_gs.method import WildGS, WildGSConfig
+from baselines.wild_gs.triplane import CHANNELS
 from hydroviews.errors import InputError
 from hydroviews.metrics.psnr import psnr
 from hydroviews.scene.images import write_png
@@ -38,8 +39,7 @@ BRIEF = replace(
     box=1.8,
     renewed=50,
     rate_encoder=5e-3,
-    rate_planes=2e-3,
-    rate_colour=2e-3,
+    rate_networks=2e-3,
     rate_intrinsic=1e-2,
     visible_from=0.05,
 )
@@ -153,7 +153,7 @@ def test_the_mean_look_is_that_of_the_views_where_they_agree(alike, monkeypatch)
 
     def places(view, visible, parameters, camera):
         """What lies where, whoever looks."""
-        return parameters["means"].detach().repeat(1, 6)[:, : BRIEF.channels]
+        return parameters["means"].detach().repeat(1, 6)[:, :CHANNELS]
 
     monkeypatch.setattr(appearance, "read", places)
     mean = mean_look(gaussians, appearance, cameras, 0.1, False)
@@ -169,7 +169,7 @@ def test_the_mean_is_taken_before_the_networks_of_codes_and_by_pixels(alike, mon
     appearance, gaussians, cameras = alike
     codes = []
     monkeypatch.setattr(
-        appearance, "read", lambda view, _, seen, __: torch.full((len(seen["means"]), BRIEF.channels), float(view))
+        appearance, "read", lambda view, _, seen, __: torch.full((len(seen["means"]), CHANNELS), float(view))
     )
     monkeypatch.setattr(appearance, "encode", lambda view: (torch.full((64,), float(view)), torch.ones(4, 4)))
     understood = appearance.colours.codes
