@@ -15,7 +15,7 @@ from baselines.volumetric.config import (
 
 @dataclass(frozen=True)
 class StyleConfig(PhotographEncoderConfig):
-    """The encoder of a photograph's style; the defaults are the authors'."""
+    """The encoder of a photograph's style, whose rate the networks of both matrices have too; the authors' defaults."""
 
     channels: tuple[int, int, int] = (64, 128, 128)  # channels of the three stages; the picture is halved between them
     map_side: int = 32  # side of the style map in pixels
@@ -34,7 +34,6 @@ class TransformConfig:
 
     size: int = 32  # side m of the matrices
     hidden: tuple[int, ...] = (128, 64)  # units of the networks whose covariances are used
-    rate: float = 5e-4  # learning rate of Adam for the networks of both matrices
 
 
 @dataclass(frozen=True)
@@ -71,7 +70,7 @@ class CrNerfConfig(MaskedFieldConfig):
 
 # Encoders that see sixteen photographs in some hundredths of a second.
 SMALL_STYLE = StyleConfig(channels=(8, 16, 16), side=32, map_side=8, rate=1e-3, mean_share=0.5)
-SMALL_TRANSFORM = TransformConfig(size=16, hidden=(32, 32), rate=1e-3)
+SMALL_TRANSFORM = TransformConfig(size=16, hidden=(32, 32))
 # Early errors are large everywhere: what masking costs follows the mean error, and masks start next to nothing.
 SMALL_TRANSIENTS = TransientConfig(
     channels=8,

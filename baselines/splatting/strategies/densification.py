@@ -16,6 +16,7 @@ from baselines.splatting.strategies.base import StepOptions, refinement_due
 from hydroviews.scene.quaternions import rotation_matrices
 
 SPLIT_INTO = 2
+RESET_TO = 0.01  # highest opacity after a reset (Kerbl et al. 2023)
 SHRINK = 1.6  # a split Gaussian's parts are smaller by this factor
 
 
@@ -46,11 +47,10 @@ class DefaultStrategy:
     prune_opacity: float = 0.005  # Gaussians with a smaller opacity are removed
     prune_scale3d: float = 0.1  # Gaussians with a larger scale are removed
     reset_every: int | None = 3000  # iterations between two opacity resets; None for never
-    reset_to: float = 0.01  # highest opacity after a reset
 
     def __post_init__(self) -> None:
-        if self.reset_every is not None and self.reset_to <= self.prune_opacity:
-            raise ValueError("a reset to prune_opacity or less would remove every Gaussian: reset_to must be larger")
+        if self.reset_every is not None and self.prune_opacity >= RESET_TO:
+            raise ValueError(f"a reset to {RESET_TO} would remove every Gaussian: prune_opacity must be smaller")
 
     def step_options(self, iteration: int, means_lr: float, extent: float, seed: int) -> StepOptions:
         """See Strategy: gradients are added up while Gaussians may still be added."""
@@ -141,7 +141,7 @@ def offsets(gaussians: Gaussians, generator: np.random.Generator) -> NDArray[np.
 
 def reset_opacity(state: TrainingState, strategy: DefaultStrategy) -> TrainingState:
     """Make everything nearly transparent, so that only what the views ask for comes back; clears those moments."""
-    ceiling = np.float32(np.log(strategy.reset_to / (1 - strategy.reset_to)))
+    ceiling = np.float32(np.log(RESET_TO / (1 - RESET_TO)))
     lowered = np.minimum(state.gaussians.opacity_logits, ceiling)
     none = np.zeros_like(lowered)
     return replace(

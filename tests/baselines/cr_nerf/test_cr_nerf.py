@@ -35,7 +35,7 @@ TRANSIENTS = TransientConfig(
     relative=True,
     typical="mean",
 )
-TRANSFORM = TransformConfig(size=8, hidden=(16,), rate=2e-3)
+TRANSFORM = TransformConfig(size=8, hidden=(16,))
 CONFIG = CrNerfConfig(balls.SHORT, 8, STYLE, TRANSFORM, TRANSIENTS, photographs=16)
 SHORT = replace(CONFIG, volumetric=replace(balls.SMALL, iterations=20, rays=64, anneal=10))
 

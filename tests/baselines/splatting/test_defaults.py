@@ -41,7 +41,6 @@ PUBLISHED_GROWTH = {
     "prune_opacity": 0.005,
     "prune_scale3d": 0.1,
     "reset_every": 3000,
-    "reset_to": 0.01,
 }
 # What theirs does not have, at values that leave it out or at those of the deviations that the docstrings list.
 OURS = {
@@ -57,7 +56,7 @@ OURS = {
         "device": "auto",
         "checkpoint_seconds": 30.0,
     },
-    LearningRates: {"final": 1.0, "cooldown": 0.0, "cooled": 1.0},
+    LearningRates: {"final": 1.0, "cooldown": 0.0},
     DefaultStrategy: {"budget": 5_000_000, "growth": 10.0, "absolute": False},
 }
 
