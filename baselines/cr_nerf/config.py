@@ -18,14 +18,13 @@ class StyleConfig(PhotographEncoderConfig):
     """The encoder of a photograph's style, whose rate the networks of both matrices have too; the authors' defaults."""
 
     channels: tuple[int, int, int] = (64, 128, 128)  # channels of the three stages; the picture is halved between them
-    map_side: int = 32  # side of the style map in pixels
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if len(self.channels) != 3 or min(self.channels) < 1:
             raise ValueError(f"channels {self.channels}: expected three sizes of 1 or more")
-        if self.map_side < 1 or self.side < 8:
-            raise ValueError(f"side {self.side}, of the map {self.map_side}: expected at least 8, and at least 1")
+        if self.side < 8:
+            raise ValueError(f"side {self.side}: expected at least 8")
 
 
 @dataclass(frozen=True)
@@ -69,7 +68,7 @@ class CrNerfConfig(MaskedFieldConfig):
 
 
 # Encoders that see sixteen photographs in some hundredths of a second.
-SMALL_STYLE = StyleConfig(channels=(8, 16, 16), side=32, map_side=8, rate=1e-3, mean_share=0.5)
+SMALL_STYLE = StyleConfig(channels=(8, 16, 16), side=32, rate=1e-3, mean_share=0.5)
 SMALL_TRANSFORM = TransformConfig(size=16, hidden=(32, 32))
 # Early errors are large everywhere: what masking costs follows the mean error, and masks start next to nothing.
 SMALL_TRANSIENTS = TransientConfig(

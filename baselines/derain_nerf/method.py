@@ -130,7 +130,7 @@ def drop_masks(
     """
     settings = repr((config.threshold, config.widened, LONGEST, sha256(find_weights(config.weights))))
     kept = folder / hashlib.sha256((images.digest() + settings).encode()).hexdigest()[:16]
-    generator = load_detector(config.weights).generator
+    generator = load_detector(config.weights)
     progress = tqdm(names, desc="detecting drops", unit="view", leave=False)
     return [_mask(images.pixels(i), generator, config, kept / mask_name(name)) for i, name in enumerate(progress)]
 

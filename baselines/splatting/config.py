@@ -49,7 +49,6 @@ class TrainerConfig(SessionConfig):
     early_stop: EarlyStop | None = None
     pruning: Pruning | None = None
     dense_start: float = 0.0  # share of the strategy's budget at the start; new Gaussians lie between the points
-    background: tuple[float, float, float] = (0.0, 0.0, 0.0)
     antialiased: bool = False  # Mip-Splatting's 2D filter: tiny Gaussians are widened and become fainter
     near: float = 0.01  # nearest visible depth, as a share of the scene's extent
 

@@ -47,15 +47,12 @@ class VolumetricConfig(SessionConfig):
     iterations: int = 5000
     rays: int = 1024  # rays per step
     field: HashFieldConfig | MlpFieldConfig = field(default_factory=HashFieldConfig)
-    space: str = "auto"  # contracted, ndc, or auto: ndc if all cameras look the same way
     proposal_samples: int = 48  # samples per ray of the proposal network
     samples: int = 24  # samples per ray of the field, drawn from the proposal's weights
     background: tuple[float, float, float] | None = None  # None: the last interval is infinite
     final_rate: float = 0.03  # factor of the learning rate at the end; exponential in between
     warm_up: int = 100  # iterations in which the learning rate rises
-    # Iterations in which proposals sharpen (Mip-NeRF 360, equation 18), and in which every step trains their network.
-    anneal: int = 500
-    proposal_every: int = 4  # steps between two trainings of the proposal network after that
+    anneal: int = 500  # iterations in which proposals sharpen (Mip-NeRF 360, equation 18) and learn in every step
     distortion: float = 0.0  # weight of the loss against scattered density
 
 
@@ -64,6 +61,4 @@ SHORT_FIELD = HashFieldConfig(rate=2e-2)
 # Longer ones have the time to fill more entries: on clean views of courtyard twice as many gain half a decibel.
 DETAILED_FIELD = replace(SHORT_FIELD, grid=GridConfig(log2_entries=17))
 # A coarse and a fine network as NeRF has them: the coarse one learns at every step, rates fall from the first one on.
-NERF = VolumetricConfig(
-    rays=1024, field=MlpFieldConfig(), proposal_samples=64, samples=64, warm_up=0, anneal=0, proposal_every=1
-)
+NERF = VolumetricConfig(rays=1024, field=MlpFieldConfig(), proposal_samples=64, samples=64, warm_up=0, anneal=0)

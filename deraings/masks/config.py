@@ -12,7 +12,6 @@ class MaskConfig:
 
     Attributes:
         start: share of the iterations, (0, 1], after which the masks weigh the loss.
-        warm_up: share of the iterations, [0, start], for which the network learns before that.
         every: iterations, at least 1, to a step of the network. With 12, an iteration is 2 ms longer on average at
             320x240 (one thread), with 4 more than 5 ms, and scenes are no better.
         regularisation: lambda_reg in typical losses, positive; the paper does not say.
@@ -24,7 +23,6 @@ class MaskConfig:
     """
 
     start: float = 0.3
-    warm_up: float = 0.2
     every: int = 12
     regularisation: float = 0.5
     penalty: float = 1.0
@@ -33,7 +31,7 @@ class MaskConfig:
     attention: bool = True
 
     def __post_init__(self) -> None:
-        if not (0 < self.start <= 1 and 0 <= self.warm_up <= self.start and self.every >= 1):
-            raise ValueError(f"start {self.start}, warm_up {self.warm_up}, every {self.every}: no such schedule")
+        if not (0 < self.start <= 1 and self.every >= 1):
+            raise ValueError(f"start {self.start}, every {self.every}: no such schedule")
         if min(self.regularisation, self.rate) <= 0 or self.penalty < 0:
             raise ValueError("regularisation and rate must be positive, penalty not negative")

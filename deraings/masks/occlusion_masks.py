@@ -34,6 +34,7 @@ from deraings.masks.maps import evidence, filled
 from deraings.masks.network import CUTOFF, FINE, SHRINK, WIDTH, MaskNetwork, masked_loss
 from hydroviews.scene.images import Image
 
+WARM_UP = 0.2  # share of the iterations for which the network learns before masks weigh the loss
 LEAST_TYPICAL = 0.02  # least that the typical loss is taken to be, so that well-fitted scenes stay unmasked
 LEVEL_MEMORY = 100  # network steps over which the typical loss is averaged
 
@@ -72,7 +73,7 @@ class OcclusionMasks(PixelWeights):
         self.config = config or MaskConfig()
         self.images, self.seed = images, seed
         self.first = round(self.config.start * iterations)
-        self.first_lesson = round((self.config.start - self.config.warm_up) * iterations)
+        self.first_lesson = round(max(0.0, self.config.start - WARM_UP) * iterations)
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
             network = MaskNetwork(SHRINK, FINE, WIDTH, CUTOFF, extra=1, attention=self.config.attention)

@@ -12,7 +12,7 @@ from baselines.splatting.gaussians import Gaussians, join
 from baselines.splatting.kernels.splats.position_gradients import add_position_gradients
 from baselines.splatting.schedule import Stream, random_stream
 from baselines.splatting.state import TrainingState
-from baselines.splatting.strategies.base import StepOptions, refinement_due
+from baselines.splatting.strategies.base import Refinement, StepOptions, refinement_due
 from hydroviews.scene.quaternions import rotation_matrices
 
 SPLIT_INTO = 2
@@ -21,7 +21,7 @@ SHRINK = 1.6  # a split Gaussian's parts are smaller by this factor
 
 
 @dataclass(frozen=True)
-class DefaultStrategy:
+class DefaultStrategy(Refinement):
     """When and where to grow. Iterations count from 0; lengths are shares of the scene extent.
 
     The default numbers are those of Kerbl et al. 2023 (section 5.2); this is what differs from their code.
@@ -36,9 +36,7 @@ class DefaultStrategy:
         ValueError: opacities that are reset to what is removed.
     """
 
-    start: int = 500  # first iteration with a refinement
     stop: int = 15_000  # iteration from which there is no refinement
-    every: int = 100  # iterations between two refinements
     budget: int = 5_000_000  # largest number of Gaussians
     growth: float = 10.0  # largest share of the present number that one refinement adds
     grow_grad2d: float = 2e-4  # mean gradient by the normalised image position above which a Gaussian is too coarse

@@ -24,7 +24,7 @@ from baselines.volumetric.compositing import INFINITE
 from baselines.volumetric.config import MlpFieldConfig
 from baselines.volumetric.rays.photographs import as_seen
 
-STYLE = StyleConfig(channels=(8, 8, 16), side=24, map_side=6, rate=5e-3)
+STYLE = StyleConfig(channels=(8, 8, 16), side=24, rate=5e-3)
 TRANSIENTS = TransientConfig(
     channels=8,
     dilations=(1, 2),

@@ -21,7 +21,7 @@ from baselines.derain_nerf.method import (
 )
 from baselines.derain_nerf.raindrop_attention.detection import Found
 from baselines.derain_nerf.raindrop_attention.network import DerainGenerator
-from baselines.derain_nerf.raindrop_attention.weights import save_generator
+from baselines.derain_nerf.raindrop_attention.weights import FILES
 from baselines.training.images import TrainingImages
 from hydroviews.errors import InputError
 from hydroviews.scene.scenes import Scene
@@ -61,7 +61,7 @@ def drops(tmp_path, monkeypatch) -> DropDetectionConfig:
 def untrained(folder: Path) -> DropDetectionConfig:
     torch.manual_seed(0)
     path = folder / "untrained.safetensors"
-    save_generator(path, GENERATOR, DerainGenerator(GENERATOR).state_dict(), {})
+    FILES.save(path, DerainGenerator(GENERATOR), {})
     return DropDetectionConfig(weights=str(path), widened=0)
 
 

@@ -21,7 +21,6 @@ PUBLISHED_TRAINING = {
     "sh_degree": 3,
     "sh_degree_interval": 1000,
     "lambda_dssim": 0.2,
-    "background": (0.0, 0.0, 0.0),
 }
 PUBLISHED_RATES = {
     "means": 0.00016,

@@ -16,7 +16,7 @@ from deraings.enhancement.__main__ import (
 from deraings.enhancement.architecture.network import EnhancementNetwork
 from deraings.enhancement.training.config import TrainingConfig
 from deraings.enhancement.training.data import Data, described, started_from
-from deraings.enhancement.weights import save_network
+from deraings.enhancement.weights import FILES
 from hydroviews.errors import InputError
 from hydroviews.scene.images import read_image, write_png
 
@@ -44,7 +44,7 @@ def weights(tmp_path):
     """Of a network that changes nothing."""
     path = tmp_path / "weights.safetensors"
     network = EnhancementNetwork(TINY)
-    save_network(path, TINY, network.state_dict(), {"data": "nothing", "steps": 0})
+    FILES.save(path, network, {"data": "nothing", "steps": 0})
     return path
 
 
@@ -162,7 +162,7 @@ def test_what_a_training_begins_with_stands_in_its_data(tmp_path, weights):
     data = replace(data, start=str(weights))
     begun = described(data, started_from(data, config))
     assert "begun with weights.safetensors (0 steps, " in begun
-    save_network(weights, TINY, EnhancementNetwork(TINY).state_dict(), {"data": "others", "steps": 0})
+    FILES.save(weights, EnhancementNetwork(TINY), {"data": "others", "steps": 0})
     assert described(data, started_from(data, config)) != begun
 
 

@@ -9,7 +9,7 @@ from skimage import data
 
 from deraings.enhancement.architecture.network import SMALL
 from deraings.enhancement.enhance import enhance
-from deraings.enhancement.weights import DEFAULT, SHIPPED, load_enhancer
+from deraings.enhancement.weights import FILES, load_enhancer
 from hydroviews.metrics import psnr
 from hydroviews.pairs.recipes.panes import draw_pane
 from hydroviews.rain.lens.patterns import pattern as drops_pattern
@@ -28,11 +28,11 @@ def photograph() -> Image:
 
 def test_the_shipped_weights_are_small_and_say_what_they_are():
     enhancer = load_enhancer()
-    assert (SHIPPED / f"{DEFAULT}.safetensors").stat().st_size < MOST_BYTES
+    assert FILES.find("small").stat().st_size < MOST_BYTES
     assert enhancer.network.config == SMALL
     assert {"data", "steps", "held out", "validation"} <= set(enhancer.card)
     assert f"{enhancer.card['steps']} steps" in enhancer.reason
-    beside = json.loads((SHIPPED / f"{DEFAULT}.json").read_text())
+    beside = json.loads(FILES.find("small").with_suffix(".json").read_text())
     assert {name: value for name, value in beside.items() if name != "network"} == enhancer.card
 
 

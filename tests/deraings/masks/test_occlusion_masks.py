@@ -13,7 +13,7 @@ from deraings.masks.network import masked_loss
 from deraings.masks.occlusion_masks import LEAST_TYPICAL, OcclusionMasks
 
 HEIGHT, WIDTH = 46, 70  # no multiples of what the network works at
-ALWAYS = MaskConfig(start=1e-9, warm_up=0, every=1, rate=1e-2, min_evidence=0)
+ALWAYS = MaskConfig(start=1e-9, every=1, rate=1e-2, min_evidence=0)
 PAPER = replace(ALWAYS, regularisation=1.0, penalty=0.0)
 
 
@@ -162,7 +162,7 @@ def test_a_scene_that_is_fitted_is_hardly_masked():
 
 def test_nothing_is_masked_before_the_start_and_nothing_learnt_before_the_lessons():
     pictures, drops = drop_pictures(0)
-    config = MaskConfig(start=0.5, warm_up=0.2, every=4, min_evidence=0)
+    config = MaskConfig(start=0.5, every=4, min_evidence=0)
     masks = OcclusionMasks(TrainingImages(list(pictures)), 1000, 0, config)
     before = masks.state_dict()
     masks.learn(0, losses(drops)[0], 299)
@@ -233,7 +233,7 @@ def test_seeds_and_other_peoples_random_numbers_and_threads():
     assert any(value.tobytes() != other[name].tobytes() for name, value in one.items())
 
 
-@pytest.mark.parametrize("wrong", [{"start": 0}, {"warm_up": 0.6}, {"every": 0}, {"regularisation": 0}])
+@pytest.mark.parametrize("wrong", [{"start": 0}, {"every": 0}, {"regularisation": 0}])
 def test_settings_that_make_no_sense_are_refused(wrong):
     with pytest.raises(ValueError, match=r"start|regularisation"):
         MaskConfig(**wrong)

@@ -25,9 +25,9 @@ from deraings.enhancement.architecture.network import EnhancementNetwork
 from deraings.enhancement.enhance import enhance, predict, shipped
 from deraings.enhancement.training.config import TrainingConfig
 from deraings.enhancement.training.data import Data, started_from
-from deraings.enhancement.training.loop import EnhancementTraining
+from deraings.enhancement.training.training import EnhancementTraining
 from deraings.enhancement.views import EnhancedViews
-from deraings.enhancement.weights import Enhancer, load_enhancer, save_network
+from deraings.enhancement.weights import FILES, Enhancer, load_enhancer
 from hydroviews.errors import InputError
 
 
@@ -252,10 +252,9 @@ def test_a_network_that_looks_at_lenses_begins_with_one_that_does_not(tmp_path):
     path, deaf = tmp_path / "deaf.safetensors", replace(TINY, lens_mist=False, lens_fine=False)
     network = EnhancementNetwork(deaf)
     torch.nn.init.normal_(network.head[0].weight, std=0.01)
-    save_network(path, deaf, network.state_dict(), {"data": "nothing", "steps": 0})
+    FILES.save(path, network, {"data": "nothing", "steps": 0})
     start = started_from(Data((tmp_path,), start=str(path)), TrainingConfig(network=TINY))
-    training = EnhancementTraining(TrainingConfig(network=TINY))
-    training.begin_with(start.network)
+    training = EnhancementTraining(TrainingConfig(network=TINY), start=start.network)
     lens = lens_statistics(halved(planes(capture(3, 32, 64))))
     image = planes(capture(1, 32, 64, seed=2))
     expected = load_enhancer(path).network(image)

@@ -3,7 +3,7 @@ import pytest
 import torch
 from wet import HEIGHT, WIDTH, lens, photograph
 
-from baselines.training.supervised_training import draw_ahead
+from baselines.supervised.training import draw_ahead
 from deraings.enhancement.training.pair_folders import PairFolder, find_pairs
 from deraings.enhancement.training.pairs import MISTED, Batches, Pairs, sensed, stored
 from deraings.enhancement.validation.pictures import rainy_picture, setting_of

@@ -10,7 +10,7 @@ import torch
 from tiny_network import TINY
 from wet import photograph
 
-from baselines.training.validation import as_json
+from baselines.supervised.validation import as_json
 from deraings.enhancement import __main__ as commands
 from deraings.enhancement.architecture.network import EnhancementNetwork
 from deraings.enhancement.enhance import Enhanced
@@ -26,7 +26,7 @@ from deraings.enhancement.validation.pictures import (
     validation_set,
 )
 from deraings.enhancement.validation.scores import as_columns, scores, scores_by_companions, table
-from deraings.enhancement.weights import save_network
+from deraings.enhancement.weights import FILES
 from hydroviews.errors import InputError
 from hydroviews.rain.patterns import GRADES, Pattern
 from hydroviews.scene.images import to_linear, to_srgb, write_png
@@ -273,7 +273,7 @@ def test_the_command_judges_by_rain_that_the_user_names(tmp_path, network, monke
     monkeypatch.setattr(commands, "PATTERNS", (Pattern("streak", 0),))
     for index in range(2):
         write_png(tmp_path / "photographs" / f"{index}.png", photograph(index, 256, 384))
-    save_network(tmp_path / "w.safetensors", TINY, network.state_dict(), {"data": "nothing", "steps": 0})
+    FILES.save(tmp_path / "w.safetensors", network, {"data": "nothing", "steps": 0})
     settings = ((tmp_path / "photographs",), str(tmp_path / "w.safetensors"), tmp_path / "cache")
     commands.validate_command(*settings, companions=(0, 1), patterns=("streak-b-1",))
     shown = capsys.readouterr().out
@@ -289,7 +289,7 @@ def test_the_command_draws_predicted_against_true_errors(tmp_path, monkeypatch, 
     config = replace(TINY, error=True)
     for index in range(2):
         write_png(tmp_path / "photographs" / f"{index}.png", photograph(index, 256, 384))
-    save_network(tmp_path / "w.safetensors", config, EnhancementNetwork(config).state_dict(), {"data": "", "steps": 0})
+    FILES.save(tmp_path / "w.safetensors", EnhancementNetwork(config), {"data": "", "steps": 0})
     settings = ((tmp_path / "photographs",), str(tmp_path / "w.safetensors"), tmp_path / "cache")
     commands.validate_command(*settings, companions=(0,), side=192, plot=tmp_path / "plot.svg")
     drawn = ElementTree.parse(tmp_path / "plot.svg").getroot()
