@@ -15,8 +15,6 @@ the loss is weighed by no more of M than the views taken before and after have t
 """
 
 from collections.abc import Callable
-from dataclasses import asdict
-from typing import Any
 
 import numpy as np
 import torch
@@ -182,10 +180,6 @@ class OcclusionMasks(PixelWeights):
     def typical(self) -> float:
         """The median loss of a pixel, averaged over the last lessons, and at least `LEAST_TYPICAL`."""
         return max(float(self._level[0]), LEAST_TYPICAL)
-
-    def settings(self) -> dict[str, Any]:
-        """The settings; a checkpoint made with others is another run's."""
-        return {"seed": self.seed, "first": self.first, "first_lesson": self.first_lesson, **asdict(self.config)}
 
     def state_dict(self) -> dict[str, NDArray]:
         """All that was learned: weights, batch statistics, moments, typical loss, loss on the lens, masks."""
