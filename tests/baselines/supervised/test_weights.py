@@ -6,7 +6,11 @@ import pytest
 import torch
 from tiny_supervised import LayerConfig, Toy
 
+from baselines.derain_nerf.raindrop_attention import weights as attention
+from baselines.derain_nerf.raindrop_attention.config import SMALL_GENERATOR
 from baselines.supervised.weights import NetworkFiles, rounded
+from deraings.enhancement import weights as enhancement
+from deraings.enhancement.architecture.network import SMALL
 from hydroviews.errors import InputError
 
 CARD = {"data": "noise", "steps": 6}
@@ -40,3 +44,18 @@ def test_weights_that_are_not_there_or_of_something_else_are_refused(files):
     files.save(files.shipped / "other.safetensors", other, CARD)
     with pytest.raises(InputError, match="no toy network of this version"):
         files.load("other")
+
+
+@pytest.mark.parametrize(
+    ("files", "config", "most"),
+    [(enhancement.FILES, SMALL, 15e6), (attention.FILES, SMALL_GENERATOR, 5e6)],
+    ids=["enhancement", "raindrop attention"],
+)
+def test_what_is_shipped_is_small_and_says_what_it_is(files, config, most):
+    network, card = files.load("small")
+    path = files.find("small")
+    assert path.stat().st_size < most
+    assert network.config == config
+    assert {"data", "steps", "held out", "validation"} <= set(card)
+    beside = json.loads(path.with_suffix(".json").read_text())
+    assert {name: value for name, value in beside.items() if name != files.part} == card
