@@ -65,7 +65,8 @@ class TrainingRequest(supervised.TrainingRequest):
     def begin(self) -> EnhancementTraining:
         """See supervised.TrainingRequest."""
         start = started_from(self.data, self.training)
-        return EnhancementTraining(self.training, chosen_device(self.device), start and start.network)
+        network = start.network if start else None
+        return EnhancementTraining(self.training, chosen_device(self.device), network)
 
     def described(self) -> str:
         """See supervised.TrainingRequest."""
