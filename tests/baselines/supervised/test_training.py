@@ -1,8 +1,10 @@
 """The training of networks from pairs: its schedule, and that nothing which disturbs it changes what is learned."""
 
 import csv
+import shutil
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 import torch
@@ -11,6 +13,19 @@ from tiny_supervised import CONFIG, Darker, ToyTraining, learn, weights_of
 from baselines.supervised.training import CURVE, rate_at
 from baselines.training.checkpoints import CHECKPOINT
 from hydroviews.errors import InputError
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    """The folder of a training that nothing disturbed, and the training."""
+    folder = tmp_path_factory.mktemp("undisturbed")
+    return folder, learn(folder)
+
+
+@pytest.fixture
+def finished(undisturbed, tmp_path):
+    """Its folder again, for the test to change."""
+    return Path(shutil.copytree(undisturbed[0], tmp_path / "finished"))
 
 
 def test_a_network_learns_and_its_average_follows(tmp_path):
