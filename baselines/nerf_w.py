@@ -38,7 +38,7 @@ from baselines.volumetric.model import RadianceModel, Rendering, Samples, Traini
 from baselines.volumetric.rays.batches import Batch
 from baselines.volumetric.rays.spaces import Rays, Space
 
-APPEARANCE, TRANSIENT = 48, 16  # lengths of embeddings (section 4.3)
+APPEARANCE, TRANSIENT = 48, 16  # lengths of embeddings in the paper
 BETA_MIN = 0.03  # of the paper
 START = 0.01  # standard deviation of embeddings before training
 
