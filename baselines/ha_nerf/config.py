@@ -32,8 +32,10 @@ class LookConfig(PhotographEncoderConfig):
 class VisibilityConfig(PriceConfig):
     """The network of the masks, and what masking costs; the defaults are the authors'."""
 
+    code: int = 128  # length of a view's code
     octaves: int = 10  # octaves of the encoding of places
     width: int = 256  # units per layer
+    layers: int = 4
     rate: float = 5e-4  # learning rate of Adam
 
 

@@ -16,8 +16,6 @@ from baselines.ha_nerf.config import VisibilityConfig
 from baselines.masking.rays import pixel_places
 from baselines.volumetric.fields.encodings import linear, positional
 
-CODE, LAYERS = 128, 4  # length of a view's code, and hidden layers (Ha-NeRF's authors)
-
 
 class Visibility(nn.Module):
     """The network of the masks, with a code for every training view."""
@@ -25,9 +23,9 @@ class Visibility(nn.Module):
     def __init__(self, config: VisibilityConfig, views: int, generator: torch.Generator):
         super().__init__()
         self.octaves = config.octaves
-        self.codes = nn.Parameter(torch.randn(views, CODE, generator=generator))
-        inputs = CODE + 2 * (1 + 2 * config.octaves)
-        widths = [inputs, *[config.width] * LAYERS]
+        self.codes = nn.Parameter(torch.randn(views, config.code, generator=generator))
+        inputs = config.code + 2 * (1 + 2 * config.octaves)
+        widths = [inputs, *[config.width] * config.layers]
         self.layers = nn.ModuleList(linear(a, b, generator) for a, b in pairwise(widths))
         self.exit = linear(config.width, 1, generator)
         with torch.no_grad():

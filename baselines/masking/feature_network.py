@@ -35,6 +35,9 @@ from baselines.training.torch_state import module_arrays, one_thread, restore_mo
 from hydroviews.scene.masks import Ignored
 
 HIDDEN = 16  # units of the hidden layer; the authors'
+# Shares of the residuals below which they certainly belong to the scene, and above which they certainly do not; the
+# authors'.
+LOWER, UPPER = 0.5, 0.9
 
 
 @dataclass(frozen=True)
@@ -43,23 +46,17 @@ class MaskNetworkConfig:
 
     Attributes:
         features: features of the photographs: vgg, alexnet or dinov2.
-        lower: share of the residuals that certainly belong to the scene, in (0, upper).
-        upper: share of the residuals above which they certainly do not, in (lower, 1].
         octaves: octaves of the positional encoding.
         rate: learning rate of Adam.
         prior: p before the first step, in (0, 1); None: p of random weights, about 0.5.
     """
 
     features: Network = "dinov2"
-    lower: float = 0.5
-    upper: float = 0.9
     octaves: int = 20
     rate: float = 1e-3
     prior: float | None = None
 
     def __post_init__(self) -> None:
-        if not 0 < self.lower < self.upper <= 1:
-            raise ValueError(f"lower {self.lower}, upper {self.upper}: expected 0 < lower < upper <= 1")
         if self.prior is not None and not 0 < self.prior < 1:
             raise ValueError(f"prior {self.prior}: expected a probability in (0, 1)")
 
@@ -183,8 +180,7 @@ class FeatureMask(TrimmedPixels):
 
     def probability(self, residuals: Plane, view: int, ignored: Ignored | None) -> Plane:
         """See TrimmedPixels; the network takes a step."""
-        config = self.network.config
-        lower, upper = (self.below(residuals, share, ignored) for share in (config.lower, config.upper))
+        lower, upper = (self.below(residuals, share, ignored) for share in (LOWER, UPPER))
         with one_thread():
             return self.network.learn(view, lower, upper, ignored, self.context(view))
 

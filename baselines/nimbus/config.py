@@ -14,6 +14,7 @@ class MediumConfig:
 
     Attributes:
         cells: number of grid cells per axis, at least 2.
+        ray_shrink: rays are cast through a picture this many times smaller, from 1; the medium is smooth.
         first: share of the iterations after which there is a medium, [0, 1].
         renewed: iterations between two renders of a view's depth, at least 1.
         rate: learning rate of all parameters of the medium, positive.
@@ -24,6 +25,7 @@ class MediumConfig:
     """
 
     cells: int = 128
+    ray_shrink: int = 4
     first: float = 1 / 15
     renewed: int = 300
     rate: float = 0.005
@@ -33,8 +35,8 @@ class MediumConfig:
     least: float = 0.07
 
     def __post_init__(self) -> None:
-        if self.cells < 2 or self.renewed < 1:
-            raise ValueError(f"{self}: expected cells from 2; renewed from 1")
+        if self.cells < 2 or min(self.ray_shrink, self.renewed) < 1:
+            raise ValueError(f"{self}: expected cells from 2; ray_shrink and renewed from 1")
         if self.rate <= 0 or min(self.variation, self.dark, self.least) < 0:
             raise ValueError(f"{self}: expected a rate above 0; least and weights from 0")
         if not 0 <= self.first <= self.judged <= 1:

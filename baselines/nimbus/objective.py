@@ -31,7 +31,6 @@ from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
 
 logger = logging.getLogger(__name__)
-RAY_SHRINK = 4  # rays are cast through a picture this many times smaller; the medium is smooth
 LEAST_COVERED = 0.5  # of a pixel by Gaussians, from which on it has a depth
 DEPTH, MEDIUM, RESIDUAL = "depth", "medium", "residual"  # of names in a checkpoint
 GIVEN_UP = "given_up"
@@ -79,7 +78,7 @@ class NimbusObjective(Objective):
 
     def see(self, gaussians: Gaussians, view: int, iteration: int) -> None:
         """See Objective: renders the depth of a view, in small."""
-        camera = small_camera(self.cameras[view], RAY_SHRINK)
+        camera = small_camera(self.cameras[view], self._medium_settings.ray_shrink)
         _, state = render(gaussians, camera, sh_degree=0, near=self._near, antialiased=self._antialiased)
         found = np.where(1 - state.transmittance < LEAST_COVERED, np.float32(np.inf), depth(state))
         self._depths[view] = iteration, found.astype(np.float32)

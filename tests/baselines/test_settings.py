@@ -18,7 +18,7 @@ WRONG = {
     CrNerfConfig: [{"transform": TransformConfig(size=65)}],
     StyleConfig: [{"mean_share": 1.5}, {"channels": (4, 4)}, {"side": 7}],
     TransientConfig: [{"dilations": (1, 0)}, {"dilations": (1, 4), "side": 9}, {"at_first": 1.0}],
-    MaskNetworkConfig: [{"lower": 0.9}, {"lower": 0}, {"upper": 1.2}, {"prior": 1}],
+    MaskNetworkConfig: [{"prior": 0}, {"prior": 1}],
     TrimConfig: [{"inlier_share": 0}, {"inlier_share": 1.1}, {"fade_in": 0}],
     ReferenceConfig: [{"maps": 0}, {"visible_price": 0}],
     LookConfig: [{"mean_share": 1.5}, {"channels": (4,)}, {"channels": (4, 4, 4, 4), "side": 7}],

@@ -21,7 +21,9 @@ from baselines.volumetric.config import MlpFieldConfig
 from baselines.volumetric.model import Rendering, Samples
 
 LOOK = LookConfig(channels=(8, 16, 16), side=24, rate=2e-3)
-VISIBILITY = VisibilityConfig(octaves=4, width=32, rate=1e-2, at_first=0.05, price=3.5, relative=True)
+VISIBILITY = VisibilityConfig(
+    code=16, octaves=4, width=32, layers=2, rate=1e-2, at_first=0.05, price=3.5, relative=True
+)
 CONFIG = HaNerfConfig(balls.SMALL, LOOK, VISIBILITY, photographs=16)
 SHORT = replace(CONFIG, volumetric=replace(balls.SMALL, iterations=20, rays=64, anneal=10))
 

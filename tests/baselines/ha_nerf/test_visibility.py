@@ -9,7 +9,7 @@ import torch
 from baselines.ha_nerf.config import VisibilityConfig
 from baselines.ha_nerf.visibility import Visibility
 
-CONFIG = VisibilityConfig(octaves=4, width=16)
+CONFIG = VisibilityConfig(code=8, octaves=4, width=16, layers=2)
 RELATIVE = replace(CONFIG, price=3.5, relative=True)
 
 

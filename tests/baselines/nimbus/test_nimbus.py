@@ -27,7 +27,7 @@ GROWTH = DefaultStrategy(
     start=20, stop=200, every=20, budget=300, grow_grad2d=5e-5, reset_every=None, prune_scale3d=1.0
 )
 SPLATTING = TrainerConfig(iterations=500, sh_degree=0, strategy=GROWTH, device="cpu", resolutions=((0.2, 2),))
-MEDIUM = MediumConfig(cells=12, rate=0.02, renewed=100, dark=0.05)
+MEDIUM = MediumConfig(cells=12, rate=0.02, renewed=100, dark=0.05, ray_shrink=2)
 BRIEF = NimbusConfig(
     replace(SPLATTING, iterations=16, checkpoint_seconds=0.0),
     replace(MEDIUM, first=0.2, renewed=3, least=0.0),
