@@ -13,7 +13,7 @@ from baselines.volumetric.compositing import INFINITE
 from baselines.volumetric.model import TrainingContext
 from baselines.volumetric.rays.batches import Batch
 
-CONFIG = NerfWConfig(balls.SMALL, transient_width=16, embedding_rate=1e-2)
+CONFIG = NerfWConfig(balls.SMALL, transient_width=16, embedding_rate=3e-3)
 SHORT = replace(CONFIG, volumetric=replace(balls.SMALL, iterations=20, rays=64, anneal=10))
 
 
