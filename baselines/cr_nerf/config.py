@@ -17,8 +17,6 @@ from baselines.volumetric.config import (
 class StyleConfig(PhotographEncoderConfig):
     """The encoder of a photograph's style, whose rate the networks of both matrices have too; the authors' defaults."""
 
-    channels: tuple[int, int, int] = (64, 128, 128)  # channels of the three stages; the picture is halved between them
-
     def __post_init__(self) -> None:
         super().__post_init__()
         if len(self.channels) != 3 or min(self.channels) < 1:

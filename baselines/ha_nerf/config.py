@@ -15,17 +15,20 @@ from baselines.volumetric.config import (
 
 @dataclass(frozen=True)
 class LookConfig(PhotographEncoderConfig):
-    """The encoder of a photograph's look; the defaults are the authors'."""
+    """The encoder of a photograph's look; `PAPER_LOOK` is the authors'. All convolutions but the first halve it."""
 
-    channels: tuple[int, ...] = (64, 128, 256, 256, 256)  # of the convolutions; all but the first halve the picture
+    size: int = 48  # length of an appearance code
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if min(self.channels, default=0) < 1 or len(self.channels) < 2:
+        if min(self.size, *self.channels) < 1 or len(self.channels) < 2:
             raise ValueError(f"look {self}: expected sizes of 1 or more and two convolutions or more")
         smallest = max(4, 2 ** (len(self.channels) - 1))  # below it borders would be reflected onto themselves
         if self.side < smallest:
             raise ValueError(f"side {self.side}: expected at least {smallest}, which can be halved so often")
+
+
+PAPER_LOOK = LookConfig(channels=(64, 128, 256, 256, 256))
 
 
 @dataclass(frozen=True)
@@ -43,7 +46,7 @@ class VisibilityConfig(PriceConfig):
 class HaNerfConfig(MaskedFieldConfig):
     """A field, its looks, its masks, and the grids of a step."""
 
-    look: LookConfig = field(default_factory=LookConfig)
+    look: LookConfig = PAPER_LOOK
     visibility: VisibilityConfig = field(default_factory=VisibilityConfig)
 
 

@@ -12,8 +12,6 @@ from baselines.ha_nerf.config import LookConfig
 from baselines.volumetric.fields.encodings import linear
 from baselines.volumetric.rays.photographs import convolution
 
-CODE = 48  # length of a look (Ha-NeRF's authors)
-
 
 class LookEncoder(nn.Module):
     """E, of a photograph to its look."""
@@ -23,7 +21,7 @@ class LookEncoder(nn.Module):
         self.entry = convolution(3, config.channels[0], 7, 1, 3, generator)
         halving = [convolution(a, b, 4, 2, 1, generator) for a, b in pairwise(config.channels)]
         self.halving = nn.ModuleList(halving)
-        self.exit = linear(config.channels[-1], CODE, generator)
+        self.exit = linear(config.channels[-1], config.size, generator)
 
     def forward(self, pictures: Tensor) -> Tensor:
         """The looks [N, E] of pictures [N, 3, S, S] in [-1, 1]."""

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from baselines.ha_nerf.config import HaNerfConfig
-from baselines.ha_nerf.look import CODE, LookEncoder
+from baselines.ha_nerf.look import LookEncoder
 from baselines.ha_nerf.visibility import Visibility
 from baselines.masking.rays import MaskedField, Running, price_of_masking
 from baselines.splatting.kernels.photometric import Plane
@@ -22,13 +22,13 @@ class HaNerfModel(MaskedField):
     """A field whose colours depend on the photograph's look, and masks for what only one photograph shows."""
 
     def __init__(self, config: HaNerfConfig, space: Space, generator: torch.Generator, views: int):
-        super().__init__(config.volumetric, space, generator, CODE)
+        super().__init__(config.volumetric, space, generator, config.look.size)
         self.settings = config
         self.encoder = LookEncoder(config.look, generator)
         self.visibility = Visibility(config.visibility, views, generator)
         self.running = Running(views, config.photographs, config.visibility.at_first, config.visibility.typical)
         self.looks: Tensor  # of the views, when last visited [V, E]
-        self.register_buffer("looks", torch.zeros(views, CODE))
+        self.register_buffer("looks", torch.zeros(views, config.look.size))
         self._pictures = torch.zeros(0, 3, 1, 1, dtype=torch.uint8)  # of the views, small; in training alone
 
     def groups(self) -> list[dict[str, Any]]:

@@ -31,6 +31,7 @@ class MlpFieldConfig:
 class PhotographEncoderConfig:
     """A network that looks at the whole of a photograph, in small (Ha-NeRF, CR-NeRF)."""
 
+    channels: tuple[int, ...] = (64, 128, 128)  # of the convolutions, or of the stages that they are in
     side: int = 128  # side in pixels of the square that photographs are resized to
     rate: float = 5e-4  # learning rate of Adam
     mean_share: float = 0.0  # share of the rays of a step that use the mean of all photographs

@@ -20,7 +20,7 @@ from baselines.ha_nerf.model import HaNerfModel
 from baselines.volumetric.config import MlpFieldConfig
 from baselines.volumetric.model import Rendering, Samples
 
-LOOK = LookConfig(channels=(8, 16, 16), side=24, rate=2e-3)
+LOOK = LookConfig(size=8, channels=(8, 16, 16), side=24, rate=2e-3)
 VISIBILITY = VisibilityConfig(
     code=16, octaves=4, width=32, layers=2, rate=1e-2, at_first=0.05, price=3.5, relative=True
 )

@@ -6,11 +6,11 @@ import torch
 from by_hand import convolved
 
 from baselines.ha_nerf.config import LookConfig
-from baselines.ha_nerf.look import CODE, LookEncoder
+from baselines.ha_nerf.look import LookEncoder
 from baselines.training.images import TrainingImages
 from baselines.volumetric.rays.photographs import as_seen, small_pictures
 
-CONFIG = LookConfig(channels=(3, 4, 6), side=16)
+CONFIG = LookConfig(size=5, channels=(3, 4, 6), side=16)
 
 
 def encoder(config=CONFIG):
@@ -34,9 +34,9 @@ def test_the_look_is_that_of_its_formula():
 
 @pytest.mark.parametrize("size", [(240, 320), (24, 32), (9, 400), (2, 2)])
 def test_a_picture_of_any_size_has_a_look(size):
-    config = LookConfig(channels=(4, 4, 4, 4, 4), side=16)
+    config = LookConfig(size=7, channels=(4, 4, 4, 4, 4), side=16)
     pictures = small_pictures(TrainingImages([np.full((*size, 3), 100, np.uint8)] * 2), config.side)
     assert pictures.shape == (2, 3, 16, 16)
     looks = encoder(config)(as_seen(pictures))
-    assert looks.shape == (2, CODE)
+    assert looks.shape == (2, 7)
     assert torch.isfinite(looks).all()
