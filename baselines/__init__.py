@@ -8,6 +8,7 @@ clean_wrapper.py       any method on the clean photographs
 training/              what every training needs
 splatting/             training of Gaussians
 volumetric/            training of radiance fields
+supervised/            training of networks from pairs, and their weights
 rendering/             videos of trained scenes
 masking/               weights of pixels: what is not of the scene
 encoders/              networks that look at photographs

@@ -111,11 +111,9 @@ class GaussianSplatting(Method):
     def render(self, camera: Camera) -> Image:
         """See Method; always with our own kernels, so that pixels do not depend on where a model was trained."""
         trained = self._require()
-        background = np.asarray(self.splatting.background, np.float32)
         image, _ = render(
             self.gaussians_for_camera(camera),
             camera,
-            background,
             near=trained.near,
             antialiased=self.splatting.antialiased,
             buffers=self._buffers,

@@ -38,6 +38,8 @@ from baselines.volumetric.model import RadianceModel, Rendering, Samples, Traini
 from baselines.volumetric.rays.batches import Batch
 from baselines.volumetric.rays.spaces import Rays, Space
 
+APPEARANCE, TRANSIENT = 48, 16  # lengths of embeddings in the paper
+BETA_MIN = 0.03  # of the paper
 START = 0.01  # standard deviation of embeddings before training
 
 
@@ -46,11 +48,8 @@ class NerfWConfig:
     """A field, the embeddings of the views, and the four-term loss."""
 
     volumetric: VolumetricConfig = field(default_factory=VolumetricConfig)
-    appearance: int = 48  # length of an appearance embedding
-    transient: int = 16  # length of a transient embedding
     transient_width: int = 32  # units of the transient head's layers
     transient_layers: int = 2
-    beta_min: float = 0.03
     density_weight: float = 0.01  # lambda_u: weight of the mean transient density
     embedding_rate: float = 5e-3  # learning rate of the embeddings
     mean_appearance_share: float = 0.0  # share of the rays of a step that use the mean appearance
@@ -63,7 +62,7 @@ class TransientHead(nn.Module):
         super().__init__()
         width = config.transient_width
         self.entry = linear(features, width, generator)
-        self.embedding_entry = linear(config.transient, width, generator, bias=False)
+        self.embedding_entry = linear(TRANSIENT, width, generator, bias=False)
         self.middle = nn.ModuleList(linear(width, width, generator) for _ in range(config.transient_layers - 1))
         self.exit = linear(width, 5, generator)
 
@@ -81,11 +80,11 @@ class NerfWModel(RadianceModel):
     """The field with embeddings and a transient head."""
 
     def __init__(self, config: NerfWConfig, space: Space, generator: torch.Generator, views: int):
-        super().__init__(config.volumetric, space, generator, config.appearance)
-        self.embedding_rate, self.beta_min = config.embedding_rate, config.beta_min
+        super().__init__(config.volumetric, space, generator, APPEARANCE)
+        self.embedding_rate = config.embedding_rate
         self.mean_appearance_share = config.mean_appearance_share
-        self.appearance = nn.Parameter(START * torch.randn(views, config.appearance, generator=generator))
-        self.transient = nn.Parameter(START * torch.randn(views, config.transient, generator=generator))
+        self.appearance = nn.Parameter(START * torch.randn(views, APPEARANCE, generator=generator))
+        self.transient = nn.Parameter(START * torch.randn(views, TRANSIENT, generator=generator))
         self.head = TransientHead(self.field.features, config, generator)
 
     def groups(self) -> list[dict[str, Any]]:
@@ -110,7 +109,7 @@ class NerfWModel(RadianceModel):
         share = passing / (density + passing).clamp_min(1e-12)
         static, transient = weights * (1 - share), weights * share
         seen = along_ray(static, colours) + along_ray(transient, passing_colours)
-        extras = {"beta": self.beta_min + (transient * uncertainty).sum(1), "density": passing}
+        extras = {"beta": BETA_MIN + (transient * uncertainty).sum(1), "density": passing}
         return Rendering(self.over_background(seen, left), weights, samples, samples.edges, weights, extras=extras)
 
 

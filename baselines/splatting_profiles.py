@@ -28,7 +28,6 @@ SHORT_RATES = LearningRates(
     quaternions=8e-3,
     final=0.6,
     cooldown=0.15,
-    cooled=0.1,
 )
 GROWTH = DefaultStrategy(growth=0.3, grow_grad2d=2e-4, absolute=True, reset_every=None, prune_scale3d=0.5)
 SHORT = TrainerConfig(

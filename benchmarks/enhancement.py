@@ -18,7 +18,8 @@ from typing import Any
 import torch
 import tyro
 
-from baselines.training.supervised_training import Intervals
+from baselines.supervised.config import Intervals
+from baselines.supervised.training import train
 from benchmarks.tables import report, rows_of
 from benchmarks.timing import least
 from deraings.enhancement.__main__ import VALIDATION_SEED, WATCHED
@@ -27,8 +28,8 @@ from deraings.enhancement.architecture.size import measure
 from deraings.enhancement.enhance import enhance
 from deraings.enhancement.training.config import TrainingConfig
 from deraings.enhancement.training.data import Data, described, training_pairs
-from deraings.enhancement.training.loop import train
-from deraings.enhancement.training.pairs import Pairs
+from deraings.enhancement.training.pairs import Batches, Pairs
+from deraings.enhancement.training.training import EnhancementTraining
 from deraings.enhancement.validation.pictures import validation_set
 from deraings.enhancement.validation.scores import as_columns, scores
 from deraings.enhancement.weights import Enhancer
@@ -81,10 +82,10 @@ def megabytes(name: str, width: int) -> float:
 
 def row(choice: Choice, data: Data, config: NetworkConfig, pairs: Pairs, validate: Callable) -> dict[str, Any]:
     """One width: size, time, memory, and PSNR after training."""
-    training = replace(TrainingConfig(), network=config, steps=choice.steps)
+    trained = EnhancementTraining(TrainingConfig(network=config, steps=choice.steps))
     intervals = Intervals(validate_every=choice.steps)
     folder, words = choice.out / f"width-{config.width}", described(data, None)
-    trained = train(folder, training, pairs, words, validate, intervals)
+    train(trained, Batches(pairs, trained.config.batch), folder, words, validate, intervals)
     parts = measure(config, *SIZE).values()
     megapixels = SIZE[0] * SIZE[1] / 1e6
     return {
@@ -102,7 +103,7 @@ def main(choice: tyro.conf.OmitArgPrefixes[Choice]) -> None:
     """Train networks of several widths alike and report."""
     torch.set_num_threads(1)
     config, data = CONFIGS[choice.network], Data((choice.photographs,), cache=choice.cache)
-    pairs = training_pairs(data, replace(TrainingConfig(), network=config))
+    pairs = training_pairs(data, TrainingConfig(network=config))
     watched = validation_set(data.held_out()[:WATCHED], VALIDATION_SEED, choice.cache / "validation")
 
     def validate(network: EnhancementNetwork) -> dict[str, float]:

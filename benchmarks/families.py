@@ -14,13 +14,15 @@ import pandas as pd
 import torch
 import tyro
 
-from baselines.training.supervised_training import Intervals, Validate
+from baselines.supervised.config import Intervals
+from baselines.supervised.training import Validate, train
 from benchmarks.tables import report
 from deraings.enhancement.__main__ import VALIDATION_SEED, WATCHED
 from deraings.enhancement.architecture.network import EnhancementNetwork
 from deraings.enhancement.training.config import TrainingConfig
 from deraings.enhancement.training.data import Data, described, started_from, training_pairs
-from deraings.enhancement.training.loop import train
+from deraings.enhancement.training.pairs import Batches
+from deraings.enhancement.training.training import EnhancementTraining
 from deraings.enhancement.validation.pictures import FAMILIES, validation_set
 from deraings.enhancement.validation.scores import scores
 from hydroviews.rain.patterns import Pattern
@@ -60,10 +62,11 @@ def main(choice: tyro.conf.OmitArgPrefixes[Choice]) -> None:
 
 def trained(choice: Choice, data: Data, gains: Validate) -> dict[str, float]:
     """Gains of a training by kind of rain."""
-    config = replace(TrainingConfig(), steps=choice.steps)
+    config = TrainingConfig(steps=choice.steps)
     start = started_from(data, config)
     folder = choice.out / ("without-" + "-".join(data.without) if data.without else "all")
-    pairs, words = training_pairs(data, config), described(data, start)
+    batches, words = Batches(training_pairs(data, config), config.batch), described(data, start)
     intervals = Intervals(validate_every=choice.steps)
-    training = train(folder, config, pairs, words, gains, intervals, start.network if start else None)
+    training = EnhancementTraining(config, start=start.network if start else None)
+    train(training, batches, folder, words, gains, intervals)
     return {name: value for name, value in training.curve[-1].items() if name not in ("step", "seconds", "loss")}

@@ -80,7 +80,7 @@ def in_steps(settings: Any, steps: int) -> Any:
         return with_iterations(steps, replace(settings, strategy=replace(settings.strategy, start=start)))
     if isinstance(settings, VolumetricConfig):
         share = steps / settings.iterations
-        counted = {name: round(share * getattr(settings, name)) for name in ("warm_up", "anneal", "proposal_always")}
+        counted = {name: round(share * getattr(settings, name)) for name in ("warm_up", "anneal")}
         return replace(settings, iterations=steps, **counted)
     if not is_dataclass(settings) or isinstance(settings, type):
         return settings

@@ -6,12 +6,14 @@ from baselines.volumetric.losses import Loss, Losses
 from baselines.volumetric.model import Rendering
 from baselines.volumetric.rays.batches import Batch
 
+STYLE_PENALTY = 1e-5  # weight of the mean square of the style maps (CR-NeRF's authors)
+
 
 def cr_nerf_losses(config: CrNerfConfig) -> Loss:
     """`masked_losses`, and the mean square of the style maps."""
 
     def loss(rendering: Rendering, batch: Batch) -> Losses:
-        penalty = config.style.penalty * rendering.extras["maps"].square().mean()
+        penalty = STYLE_PENALTY * rendering.extras["maps"].square().mean()
         return masked_losses(rendering, batch, config.volumetric, {"style": penalty})
 
     return loss

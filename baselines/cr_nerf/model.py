@@ -59,7 +59,7 @@ class CrNerfModel(MaskedField):
 
         return [
             {"params": of(self.field, self.proposal, self.transform), "lr": self.config.field.rate},
-            {"params": of(self.content, self.style), "lr": config.transform.rate},
+            {"params": of(self.content, self.style), "lr": config.style.rate},
             {"params": of(self.encoder), "lr": config.style.rate},
             {"params": of(self.transients), "lr": config.transients.rate},
         ]

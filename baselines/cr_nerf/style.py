@@ -6,6 +6,7 @@ from torch import Tensor, nn
 from baselines.cr_nerf.config import StyleConfig
 from baselines.volumetric.rays.photographs import convolution
 
+MAP_SHARE = 4  # a style map's side is this fraction of the picture's (the authors)
 SLOPE = 0.2  # of LeakyReLU where its input is negative
 START = 0.1  # of the usual start of the last layer: at first photographs hardly differ in style
 
@@ -20,7 +21,7 @@ class StyleEncoder(nn.Module):
         self.first = nn.ModuleList(convolution(a, first, 3, 1, 1, generator) for a in (3, first))
         self.second = nn.ModuleList(convolution(a, second, 3, 1, 1, generator) for a in (first, second))
         self.third = nn.ModuleList([convolution(second, third, 3, 1, 1, generator)])
-        self.to_map = nn.AdaptiveAvgPool2d(config.map_side)
+        self.to_map = nn.AdaptiveAvgPool2d(config.side // MAP_SHARE)
         self.exit = convolution(third, features, 1, 1, 0, generator)
         with torch.no_grad():
             self.exit.weight.mul_(START)

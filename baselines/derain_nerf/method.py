@@ -37,6 +37,7 @@ from hydroviews.scene.images import Image, resize_area
 from hydroviews.scene.masks import Ignored, mask_name, read_ignored, write_ignored
 
 MASKS = "drops"
+LONGEST = 480  # largest side in pixels for detection, to which larger pictures are shrunk: as large as in its training
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,6 @@ class DropDetectionConfig:
     weights: str = "small"  # weights of the network, by name or path
     threshold: float = 0.2  # smallest attention of a hidden pixel
     widened: int = 1  # pixels by which masks are widened on every side
-    longest: int = 480  # largest side in pixels for detection; larger pictures are shrunk to it
     weights_sha256: str | None = None  # SHA-256 of the file of the weights
 
 
@@ -129,9 +129,9 @@ def drop_masks(
     Raises:
         InputError: no such weights, or a kept mask is damaged.
     """
-    settings = repr((config.threshold, config.widened, config.longest, sha256(find_weights(config.weights))))
+    settings = repr((config.threshold, config.widened, LONGEST, sha256(find_weights(config.weights))))
     kept = folder / hashlib.sha256((images.digest() + settings).encode()).hexdigest()[:16]
-    generator = load_detector(config.weights).generator
+    generator = load_detector(config.weights)
     progress = tqdm(names, desc="detecting drops", unit="view", leave=False)
     return [_mask(images.pixels(i), generator, config, kept / mask_name(name)) for i, name in enumerate(progress)]
 
@@ -139,12 +139,12 @@ def drop_masks(
 def _mask(pixels: NDArray[np.uint8], generator: DerainGenerator, config: DropDetectionConfig, path: Path) -> Ignored:
     """One photograph's mask; read if an earlier call has finished it."""
     if not path.is_file():
-        attention = attention_of(pixels.astype(np.float32) / 255, generator, config.longest)
+        attention = attention_of(pixels.astype(np.float32) / 255, generator)
         write_ignored(path, hidden(attention, config))
     return read_ignored(path)
 
 
-def attention_of(image: Image, generator: DerainGenerator, longest: int) -> NDArray[np.float32]:
+def attention_of(image: Image, generator: DerainGenerator, longest: int = LONGEST) -> NDArray[np.float32]:
     """The network's last map [H, W] of a picture [H, W, 3], at most `longest` pixels a side while detecting."""
     height, width = image.shape[:2]
     scale = min(1.0, longest / max(height, width))

@@ -21,6 +21,7 @@ from baselines.training.images import TrainingImages
 from baselines.training.torch_state import module_arrays, one_thread, restore_module
 
 STEPS = "steps"
+FINAL_RATE = 0.1  # factor of the networks' learning rates at the end (GS-W's authors)
 
 
 class EncodedAppearance(Appearance):
@@ -118,4 +119,4 @@ class EncodedAppearance(Appearance):
         return torch.is_grad_enabled() and drawn < self.config.absent
 
     def _decay(self, iteration: int) -> float:
-        return float(self.config.final ** (iteration / max(self.iterations, 1)))
+        return float(FINAL_RATE ** (iteration / max(self.iterations, 1)))

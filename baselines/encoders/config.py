@@ -13,7 +13,6 @@ class EncoderConfig:
     weights_sha256: str | None = None  # SHA-256 of the file of the weights
     shrink: int = 1  # factor by which the reference is shrunk before encoding
     absent: float = 0.0  # share of the steps without features of the reference
-    final: float = 0.1  # factor of the networks' learning rates at the end
     visible_from: float = 2500 / 70_000  # share of the iterations after which the mask weighs the loss; above 1: never
     lpips: float = 0.005  # weight of LPIPS (VGG) in the loss
 
@@ -22,5 +21,3 @@ class EncoderConfig:
             raise ValueError(f"absent {self.absent}: expected a share below 1")
         if self.shrink < 1:
             raise ValueError(f"shrink {self.shrink}: expected 1 or more")
-        if self.final <= 0:
-            raise ValueError(f"final {self.final}: expected a positive factor")

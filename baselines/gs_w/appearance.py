@@ -20,6 +20,8 @@ from baselines.splatting.schedule import Stream, random_stream
 from baselines.training.images import TrainingImages
 from hydroviews.scene.cameras import Camera
 
+BOX_WEIGHT = 1e-3  # of mean(relu(|coordinate| - 1)) in the loss (the authors)
+
 
 class ReferenceAppearance(EncodedAppearance):
     """Colours in training views, from the reference's feature maps [D, h, w]."""
@@ -66,7 +68,7 @@ class ReferenceAppearance(EncodedAppearance):
 
     def read(self, maps: Tensor, parameters: dict[str, Tensor], camera: Camera) -> Tensor:
         """Dynamic features [n, D] of Gaussians in sight, from the maps [D, h, w] of a view and its camera."""
-        own = boxed(parameters["features"], self.config.box).unflatten(1, (-1, 2))
+        own = boxed(parameters["features"], BOX_WEIGHT).unflatten(1, (-1, 2))
         shown = projected(parameters["means"].detach(), camera)
         projection, adaptive = maps.unflatten(0, (1 + self.config.maps, -1)).split([1, self.config.maps])
         return torch.cat([sample(projection, shown[:, None]), sample(adaptive, own)], dim=1)

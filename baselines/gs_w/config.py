@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 from baselines.encoders.config import EncoderConfig
 
+CHANNELS = 16  # of a feature map (the authors)
+
 
 @dataclass(frozen=True)
 class ReferenceConfig(EncoderConfig):
@@ -13,7 +15,6 @@ class ReferenceConfig(EncoderConfig):
     """
 
     maps: int = 2  # number K of adaptive feature maps, beside one projection map
-    channels: int = 16  # channels per map
     frequencies: int = 10  # number of frequencies of the positions' Fourier features
     encoder: tuple[int, ...] = (128, 96, 64)  # hidden layers in the first half of the fusion network
     decoder: tuple[int, ...] = (48,)  # hidden layers in the second half of the fusion network
@@ -23,22 +24,21 @@ class ReferenceConfig(EncoderConfig):
     rate_maps: float = 2e-3  # learning rate of the U-Net
     rate_colour: float = 5e-4  # learning rate of the fusion and colour networks
     rate_coordinates: float = 4e-3  # learning rate of the coordinates in the maps, in [-1, 1]
-    box: float = 1e-3  # weight of mean(relu(|coordinate| - 1)) in the loss
     visible_price: float = 0.15  # weight of mean((1 - m)^2) in the loss
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if not 0 <= self.dropout < 1:
             raise ValueError(f"dropout {self.dropout}: expected a share below 1")
-        if min(self.maps, self.channels) < 1:
-            raise ValueError(f"maps {self.maps}, channels {self.channels}: expected 1 or more")
+        if self.maps < 1:
+            raise ValueError(f"maps {self.maps}: expected 1 or more")
         if min(self.rate_maps, self.rate_colour, self.rate_coordinates, self.visible_price) <= 0:
             raise ValueError("rates and visible_price must be positive")
 
     @property
     def dynamic(self) -> int:
         """Length of the dynamic feature: all maps' channels, the projection map's first."""
-        return (1 + self.maps) * self.channels
+        return (1 + self.maps) * CHANNELS
 
 
 # Two cores: a reference of half the size, a U-Net of 0.2 million weights, fewer and narrower layers, no LPIPS.

@@ -2,30 +2,33 @@
 
 from dataclasses import dataclass, field, replace
 
-from baselines.masking.rays import PriceConfig
-from baselines.volumetric.config import DETAILED_FIELD, NERF, SHORT_FIELD, MlpFieldConfig, VolumetricConfig
-from baselines.volumetric.rays.grids import side_of_grids
+from baselines.masking.rays import MaskedFieldConfig, PriceConfig
+from baselines.volumetric.config import (
+    DETAILED_FIELD,
+    NERF,
+    SHORT_FIELD,
+    MlpFieldConfig,
+    PhotographEncoderConfig,
+    VolumetricConfig,
+)
 
 
 @dataclass(frozen=True)
-class LookConfig:
-    """The encoder of a photograph's look; the defaults are the authors'."""
+class LookConfig(PhotographEncoderConfig):
+    """The encoder of a photograph's look; `PAPER_LOOK` is the authors'. All convolutions but the first halve it."""
 
     size: int = 48  # length of an appearance code
-    channels: tuple[int, ...] = (64, 128, 256, 256, 256)  # of the convolutions; all but the first halve the picture
-    side: int = 128  # side in pixels of the square that photographs are resized to
-    rate: float = 5e-4  # learning rate of Adam
-    penalty: float = 1e-5  # weight of the mean square of the code
-    mean_share: float = 0.0  # share of the rays of a step that use the mean code
 
     def __post_init__(self) -> None:
-        if not 0 <= self.mean_share <= 1:
-            raise ValueError(f"mean_share {self.mean_share}: expected a share")
+        super().__post_init__()
         if min(self.size, *self.channels) < 1 or len(self.channels) < 2:
             raise ValueError(f"look {self}: expected sizes of 1 or more and two convolutions or more")
         smallest = max(4, 2 ** (len(self.channels) - 1))  # below it borders would be reflected onto themselves
         if self.side < smallest:
             raise ValueError(f"side {self.side}: expected at least {smallest}, which can be halved so often")
+
+
+PAPER_LOOK = LookConfig(channels=(64, 128, 256, 256, 256))
 
 
 @dataclass(frozen=True)
@@ -40,22 +43,11 @@ class VisibilityConfig(PriceConfig):
 
 
 @dataclass(frozen=True)
-class HaNerfConfig:
+class HaNerfConfig(MaskedFieldConfig):
     """A field, its looks, its masks, and the grids of a step."""
 
-    volumetric: VolumetricConfig = field(default_factory=VolumetricConfig)
-    look: LookConfig = field(default_factory=LookConfig)
+    look: LookConfig = PAPER_LOOK
     visibility: VisibilityConfig = field(default_factory=VisibilityConfig)
-    photographs: int = 1  # photographs per step
-    min_scale: float = 0.5  # smallest side of the grid of rays, as a share of the photograph's side
-
-    def __post_init__(self) -> None:
-        side_of_grids(self.volumetric.rays, self.photographs, self.min_scale)
-
-    @property
-    def side(self) -> int:
-        """Rays on a side of a photograph's grid."""
-        return side_of_grids(self.volumetric.rays, self.photographs, self.min_scale)
 
 
 # An encoder that sees sixteen photographs in some milliseconds.
@@ -63,9 +55,7 @@ SMALL_LOOK = LookConfig(channels=(8, 16, 32, 32), side=32, mean_share=0.5)
 # Early errors are large everywhere, so a free mask hides detail that is not learned yet: what masking costs follows the
 # typical error, from the first step on, and masks start next to nothing. Short trainings meet each pixel of a view but
 # once or twice: of ten octaves the finest stay as ripples all over the mask.
-SMALL_VISIBILITY = VisibilityConfig(
-    octaves=7, width=128, rate=3e-3, at_first=0.05, price=3.5, price_at_first=3.5, price_fall=0.0, relative=True
-)
+SMALL_VISIBILITY = VisibilityConfig(octaves=7, width=128, rate=3e-3, at_first=0.05, price=3.5, relative=True)
 # At a hash grid's rates a batch of one photograph pulls the field from view to view.
 SMALL = HaNerfConfig(VolumetricConfig(field=SHORT_FIELD), SMALL_LOOK, SMALL_VISIBILITY, photographs=16)
 PROFILES = {

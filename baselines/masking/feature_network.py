@@ -34,6 +34,11 @@ from baselines.training.images import Size, TrainingImages
 from baselines.training.torch_state import module_arrays, one_thread, restore_module
 from hydroviews.scene.masks import Ignored
 
+HIDDEN = 16  # units of the hidden layer; the authors'
+# Shares of the residuals below which they certainly belong to the scene, and above which they certainly do not; the
+# authors'.
+LOWER, UPPER = 0.5, 0.9
+
 
 @dataclass(frozen=True)
 class MaskNetworkConfig:
@@ -41,25 +46,17 @@ class MaskNetworkConfig:
 
     Attributes:
         features: features of the photographs: vgg, alexnet or dinov2.
-        lower: share of the residuals that certainly belong to the scene, in (0, upper).
-        upper: share of the residuals above which they certainly do not, in (lower, 1].
-        width: units of the hidden layer.
         octaves: octaves of the positional encoding.
         rate: learning rate of Adam.
         prior: p before the first step, in (0, 1); None: p of random weights, about 0.5.
     """
 
     features: Network = "dinov2"
-    lower: float = 0.5
-    upper: float = 0.9
-    width: int = 16
     octaves: int = 20
     rate: float = 1e-3
     prior: float | None = None
 
     def __post_init__(self) -> None:
-        if not 0 < self.lower < self.upper <= 1:
-            raise ValueError(f"lower {self.lower}, upper {self.upper}: expected 0 < lower < upper <= 1")
         if self.prior is not None and not 0 < self.prior < 1:
             raise ValueError(f"prior {self.prior}: expected a probability in (0, 1)")
 
@@ -86,8 +83,8 @@ class MaskNetwork:
         inputs = len(self._seen[0]) + 4 * config.octaves + extra
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
-            last = nn.Linear(config.width, 1)
-            self.layers = nn.Sequential(nn.Linear(inputs, config.width), nn.ReLU(), last)
+            last = nn.Linear(HIDDEN, 1)
+            self.layers = nn.Sequential(nn.Linear(inputs, HIDDEN), nn.ReLU(), last)
         if config.prior is not None:
             nn.init.constant_(last.bias, math.log(config.prior / (1 - config.prior)))
         self.layers.to(self._seen[0].device)
@@ -183,8 +180,7 @@ class FeatureMask(TrimmedPixels):
 
     def probability(self, residuals: Plane, view: int, ignored: Ignored | None) -> Plane:
         """See TrimmedPixels; the network takes a step."""
-        config = self.network.config
-        lower, upper = (self.below(residuals, share, ignored) for share in (config.lower, config.upper))
+        lower, upper = (self.below(residuals, share, ignored) for share in (LOWER, UPPER))
         with one_thread():
             return self.network.learn(view, lower, upper, ignored, self.context(view))
 

@@ -7,7 +7,7 @@ Rays are few, drawn from several views, and have gradients: so the loss takes m 
 import logging
 import math
 from abc import abstractmethod
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import torch
 from torch import Tensor, nn
@@ -20,13 +20,15 @@ from baselines.volumetric.losses import Losses, proposal_losses, squared_error
 from baselines.volumetric.method import RadianceMethod
 from baselines.volumetric.model import RadianceModel, Rendering
 from baselines.volumetric.rays.batches import Batch, Draw
-from baselines.volumetric.rays.grids import grids
+from baselines.volumetric.rays.grids import grids, side_of_grids
 
 logger = logging.getLogger(__name__)
 
 GREY = 1 / 12  # squared error of grey for values that are spread evenly: the typical one before the first step
 LEAST = 1e-6  # typical errors are taken to be at least this, so that masking always costs something
 KEPT = 0.5  # of a running value after every view was visited once more
+# An absolute price begins at the first number and falls at the second, an exponential rate a visit (Ha-NeRF's authors).
+PRICE_AT_FIRST, PRICE_FALL = 5e-2, 0.75
 MOST, AFTER = 0.6, 2  # share of the pixels masked, and visits of each view, from which on masks hide the scene itself
 
 
@@ -36,20 +38,32 @@ class PriceConfig:
 
     at_first: float = 0.5  # value of m before the first step
     price: float = 6e-3  # lambda_s: weight of the mean of m^2 in the loss
-    price_at_first: float = 5e-2
-    price_fall: float = 0.75  # exponential rate a visit of each view at which the price falls to `price`
-    relative: bool = False  # whether weights are multiples of the recent typical squared error
+    relative: bool = False  # whether the price is a multiple of the recent typical squared error, or falls to `price`
     typical: str = "median"  # typical error of a step: median or mean
 
     def __post_init__(self) -> None:
         if not 0 < self.at_first < 1:
             raise ValueError(f"at_first {self.at_first}: expected a number between 0 and 1")
-        if self.price <= 0 or self.price_at_first < self.price or self.price_fall < 0:
-            raise ValueError(
-                f"price {self.price}, {self.price_at_first} at first: expected a positive price that falls"
-            )
+        if self.price <= 0:
+            raise ValueError(f"price {self.price}: expected a positive price")
         if self.typical not in ("median", "mean"):
             raise ValueError(f"typical {self.typical}: expected median or mean")
+
+
+@dataclass(frozen=True)
+class MaskedFieldConfig:
+    """A field that learns from grids of rays in a few photographs."""
+
+    volumetric: VolumetricConfig = field(default_factory=VolumetricConfig)
+    photographs: int = field(default=1, kw_only=True)  # photographs per step
+
+    def __post_init__(self) -> None:
+        side_of_grids(self.volumetric.rays, self.photographs)
+
+    @property
+    def side(self) -> int:
+        """Rays on a side of a photograph's grid."""
+        return side_of_grids(self.volumetric.rays, self.photographs)
 
 
 class Running(nn.Module):
@@ -94,16 +108,17 @@ class Running(nn.Module):
 
 
 def price_of_masking(config: PriceConfig, running: Running) -> Tensor:
-    """lambda_s, the weight of mean(m^2): falls with the visits of each view, and may follow the typical error.
+    """lambda_s, the weight of mean(m^2): falls with the visits of each view, or follows the typical error.
 
     Where 0.5 (1 - m) e + lambda_s m^2 is smallest, m = e / (4 lambda_s), or 1 if that is more. A relative price of p
     so masks what has a squared error of 4 p times the typical one, and 1 / (4 p) of what has that error itself. With
     the mean for the typical error, pixels that cannot be explained are masked where they are fewer than 1 / (4 p) of
     all: a share s of them, with an error E, makes the mean s E.
     """
-    price = max(config.price, config.price_at_first * math.exp(-config.price_fall * running.visits))
-    unit = running.typical.clamp_min(LEAST) if config.relative else torch.ones_like(running.typical)
-    return price * unit
+    if config.relative:
+        return config.price * running.typical.clamp_min(LEAST)
+    price = max(config.price, PRICE_AT_FIRST * math.exp(-PRICE_FALL * running.visits))
+    return price * torch.ones_like(running.typical)
 
 
 def pixel_places(size: tuple[int, int], device: torch.device) -> Tensor:
@@ -127,7 +142,7 @@ class MaskedFieldMethod(RadianceMethod):
 
     def draw(self) -> Draw:
         """See RadianceMethod."""
-        return grids(self.config.photographs, self.config.side, self.config.min_scale)
+        return grids(self.config.photographs, self.config.side)
 
     @torch.no_grad()
     def hidden(self, view: int, size: Size) -> Plane | None:
@@ -140,9 +155,9 @@ class MaskedFieldMethod(RadianceMethod):
 
     @property
     def _field(self) -> MaskedField:
-        field = self._require().trained.model
-        assert isinstance(field, MaskedField)
-        return field
+        model = self._require().trained.model
+        assert isinstance(model, MaskedField)
+        return model
 
 
 def masked_losses(rendering: Rendering, batch: Batch, config: VolumetricConfig, own: Losses) -> Losses:

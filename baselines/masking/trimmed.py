@@ -25,6 +25,7 @@ from hydroviews.scene.masks import Ignored
 
 logger = logging.getLogger(__name__)
 
+MEMORY = 0.95  # what a view's residuals are worth after another view; the authors'
 FEWEST = 0.05  # of the pixels, below which masks are given up: there would be no scene to learn
 RECENT = 50  # steps that the share of pixels is averaged over
 
@@ -36,17 +37,15 @@ class TrimConfig:
     Attributes:
         inlier_share: of the residuals, (0, 1], those taken for the scene's before neighbours are asked; the authors
             have 0.7.
-        memory: what a view's residuals are worth after another view, [0, 1); the authors'.
         fade_in: share of the iterations, positive, in which a falls by a factor e; the authors have 500 of 30,000.
     """
 
     inlier_share: float = 0.7
-    memory: float = 0.95
     fade_in: float = 1 / 60
 
     def __post_init__(self) -> None:
-        if not (0 < self.inlier_share <= 1 and 0 <= self.memory < 1 and self.fade_in > 0):
-            raise ValueError(f"{self}: expected inlier_share in (0, 1], memory in [0, 1), fade_in above 0")
+        if not (0 < self.inlier_share <= 1 and self.fade_in > 0):
+            raise ValueError(f"{self}: expected inlier_share in (0, 1], fade_in above 0")
 
 
 class TrimmedPixels(PixelWeights):
@@ -63,7 +62,7 @@ class TrimmedPixels(PixelWeights):
         """
         self.images, self.trim, self.seed = images, trim, seed
         self._iterations, self._observed = splatting.iterations, splatting.strategy.stop
-        self.histogram = ResidualHistogram(trim.memory)
+        self.histogram = ResidualHistogram(MEMORY)
         self._counted = np.zeros(2)  # recent share of the pixels that count, and from how many steps it is known
         self.given_up = False
 

@@ -35,6 +35,7 @@ from baselines.training.images import Size, TrainingImages
 from baselines.training.torch_state import module_arrays, restore_module
 from hydroviews.scene.images import Image
 
+REGULARISER, DROPOUT = 0.5, 0.5  # lambda, and the share of the features that a lesson drops; the authors'
 FLAT = 1e-6  # features that vary less are left out
 CHANNELS = 16  # of which all pictures' features are gathered at once
 
@@ -49,9 +50,7 @@ class UncertaintyConfig:
     protected: int = 500  # iterations after an opacity reset without training of the uncertainty
     first_lesson: int = 0  # iteration of the first training of the uncertainty
     every: int = 1  # iterations between two trainings of the uncertainty
-    regulariser: float = 0.5  # lambda
     rate: float = 1e-3  # learning rate of Adam
-    dropout: float = 0.5  # share of the features that a training drops
     prior: float = 1.0  # u before the first training
     least: float = 0.1  # smallest u; pixels with u below 0.71 count
 
@@ -136,7 +135,7 @@ class Uncertainty(PixelWeights):
         image = image if ignored is None else np.where(ignored[..., None], np.float32(0), image)  # as in the photograph
         unlike = self.unlike(image, view)
         u = self._predict(view, self._dropped(iteration)).clamp(min=config.least)
-        loss = (uncertainty_loss(unlike, u, config.regulariser) * self._shown(view, u)).mean()
+        loss = (uncertainty_loss(unlike, u, REGULARISER) * self._shown(view, u)).mean()
         loss.backward()
         self._adam.step()
         self._adam.zero_grad()
@@ -171,8 +170,8 @@ class Uncertainty(PixelWeights):
 
     def _dropped(self, iteration: int) -> Tensor:
         """Factors [C, 1, 1] that leave some of the features out, and make up for it."""
-        kept = random_stream(self.seed, Stream.DROPOUT, iteration).random(self.head.in_features) >= self.config.dropout
-        return torch.from_numpy(kept / (1 - self.config.dropout)).to(self._mean)[:, None, None]
+        kept = random_stream(self.seed, Stream.DROPOUT, iteration).random(self.head.in_features) >= DROPOUT
+        return torch.from_numpy(kept / (1 - DROPOUT)).to(self._mean)[:, None, None]
 
     def _shown(self, view: int, like: Tensor) -> Tensor | float:
         """The shares of the features' positions [h, w] that are not hidden."""

@@ -4,6 +4,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+PATCH = 1 / 40  # side of the dark channel's patches, in longer sides of the picture: 15 pixels of 600
+
 
 def total_variation(grid: Tensor) -> Tensor:
     """Mean absolute difference of neighbours along the axes of a grid [n, n, n], the three of them added up."""
@@ -25,7 +27,7 @@ def dark_channel(image: Tensor, side: int) -> Tensor:
     return -functional.max_pool2d(-least[None, None], side, stride=max(1, side // 2))[0, 0]
 
 
-def dark_loss(image: Tensor, patch: float) -> Tensor:
+def dark_loss(image: Tensor, patch: float = PATCH) -> Tensor:
     """Mean dark channel of a picture [H, W, 3], for patches of a share of its longer side."""
     return dark_channel(image, round(patch * max(image.shape[:2]))).mean()
 

@@ -18,25 +18,29 @@ from baselines.encoders.unet import at_size
 from baselines.nimbus.config import MediumConfig
 from baselines.nimbus.view_rays import Box, Rays
 
+SPREAD = 0.01  # standard deviation of f at the start (the paper)
+CLEAR = 0.05  # optical depth at the start over one unit: nearly clear air; ours
+SAMPLES = 32  # per ray (the paper)
 DENSEST = 10.0  # of s, so that no extinction is infinite
 
 
 class Medium(nn.Module):
     """A grid of extinction in a box, and the airlight."""
 
-    def __init__(self, config: MediumConfig, box: Box, seed: int) -> None:
+    def __init__(self, config: MediumConfig, box: Box, seed: int, samples: int = SAMPLES) -> None:
         """Nearly clear air.
 
         Args:
             config: settings.
             box: where the grid lies, and the unit of its extinction.
             seed: of the first values.
+            samples: per ray.
         """
         super().__init__()
-        self.box, self.samples = box, config.samples
+        self.box, self.samples = box, samples
         drawn = torch.randn((config.cells,) * 3, generator=torch.Generator().manual_seed(seed))
-        self.field = nn.Parameter(config.spread * drawn)  # f, by z, y and x
-        self.log_scale = nn.Parameter(torch.tensor(math.log(config.clear / math.log(2))))  # s; softplus(0) is log(2)
+        self.field = nn.Parameter(SPREAD * drawn)  # f, by z, y and x
+        self.log_scale = nn.Parameter(torch.tensor(math.log(CLEAR / math.log(2))))  # s; softplus(0) is log(2)
         self.raw_airlight = nn.Parameter(torch.zeros(3))  # a
 
     @property

@@ -70,10 +70,11 @@ class Nimbus(GaussianSplatting):
         return NimbusObjective(images, cameras, self.config, self._first_medium(scene, cameras), near)
 
     def _first_medium(self, scene: Scene, cameras: Sequence[Camera]) -> Medium | None:
-        settings: MediumConfig = self.config.medium
-        if settings.used and len(cameras) < 2:
+        settings: MediumConfig | None = self.config.medium
+        if settings is None:
+            return None
+        if len(cameras) < 2:
             logger.info("nimbus: no medium, because one view cannot separate it from the scene")
-        if not settings.used or len(cameras) < 2:
             return None
         device = torch.device(chosen_device(self.splatting.device, GSPLAT))
-        return Medium(settings, box_around(scene.points.positions, cameras, settings.box), self.seed).to(device)
+        return Medium(settings, box_around(scene.points.positions, cameras), self.seed).to(device)

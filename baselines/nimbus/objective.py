@@ -14,7 +14,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from baselines.nimbus.config import NimbusConfig
+from baselines.nimbus.config import MediumConfig, NimbusConfig
 from baselines.nimbus.losses import dark_loss, finite_or_zero, total_variation
 from baselines.nimbus.medium import Medium, enlarged, through
 from baselines.nimbus.residual import Residuals
@@ -58,27 +58,28 @@ class NimbusObjective(Objective):
             near: depths are rendered of what is farther; world units.
         """
         super().__init__(images, config.splatting.lambda_dssim)
-        self.cameras, self.config, self.medium, self._near = cameras, config, medium, near
+        self.cameras, self.medium, self._near = cameras, medium, near
+        self._medium_settings, self._antialiased = config.medium or MediumConfig(), config.splatting.antialiased
         iterations = config.splatting.iterations
-        self._first, self._judged = (round(share * iterations) for share in (config.medium.first, config.medium.judged))
+        shares = self._medium_settings.first, self._medium_settings.judged
+        self._first, self._judged = (round(share * iterations) for share in shares)
         self.given_up = medium is None
         self.residuals = Residuals(config.residual, len(images), iterations)
         self._depths: dict[int, tuple[int, Plane]] = {}  # by view: iteration in which it was rendered, depth
         if medium is not None:
-            self._adam = torch.optim.Adam(medium.parameters(), config.medium.rate)
+            self._adam = torch.optim.Adam(medium.parameters(), self._medium_settings.rate)
 
     def wants_gaussians(self, view: int, iteration: int) -> bool:
         """See Objective: for the view's depth."""
         if self.given_up or iteration < self._first:
             return False
         known = self._depths.get(view)
-        return known is None or iteration - known[0] >= self.config.medium.renewed
+        return known is None or iteration - known[0] >= self._medium_settings.renewed
 
     def see(self, gaussians: Gaussians, view: int, iteration: int) -> None:
         """See Objective: renders the depth of a view, in small."""
-        camera = small_camera(self.cameras[view], self.config.medium.ray_shrink)
-        antialiased = self.config.splatting.antialiased
-        _, state = render(gaussians, camera, sh_degree=0, near=self._near, antialiased=antialiased)
+        camera = small_camera(self.cameras[view], self._medium_settings.ray_shrink)
+        _, state = render(gaussians, camera, sh_degree=0, near=self._near, antialiased=self._antialiased)
         found = np.where(1 - state.transmittance < LEAST_COVERED, np.float32(np.inf), depth(state))
         self._depths[view] = iteration, found.astype(np.float32)
 
@@ -93,8 +94,8 @@ class NimbusObjective(Objective):
             whole = finite_or_zero(scene)
             behind = self._behind(whole, view, extinction)
             loss, by_seen = self._compare(behind.detach().cpu().numpy(), view, iteration, buffers)
-            more = self.config.medium.variation * total_variation(extinction)
-            more = more + self.config.medium.dark * dark_loss(whole, self.config.medium.patch)
+            more = self._medium_settings.variation * total_variation(extinction)
+            more = more + self._medium_settings.dark * dark_loss(whole)
             torch.autograd.backward([behind, more], [torch.from_numpy(by_seen).to(behind), None])
             self._adam.step()
             self._adam.zero_grad()
@@ -159,7 +160,7 @@ class NimbusObjective(Objective):
         if self.given_up or iteration != self._judged:
             return
         taken = self.light_taken()
-        self.given_up = taken < self.config.medium.least
+        self.given_up = taken < self._medium_settings.least
         said = "given up" if self.given_up else "kept"
         logger.info(
             "nimbus: medium %s, it takes %.1f %% of the light after %d iterations", said, 100 * taken, iteration

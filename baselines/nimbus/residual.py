@@ -17,32 +17,29 @@ from hydroviews.scene.images import Image
 from hydroviews.scene.masks import Ignored
 
 logger = logging.getLogger(__name__)
+MOST = 0.5  # share of all pixels with residuals above which a warning is logged
 Chosen = NDArray[np.bool_]  # [H, W]
 
 
-def beyond(photograph: Image, seen: Image, threshold: float, signed: bool, ignored: Ignored | None = None) -> Chosen:
+def beyond(photograph: Image, seen: Image, threshold: float, ignored: Ignored | None = None) -> Chosen:
     """Which pixels [H, W] are the residual's.
 
     Args:
         photograph: [H, W, 3].
         seen: what scene and medium make of it, [H, W, 3].
-        threshold: of the mean difference over the channels.
-        signed: by absolute differences; else only what is brighter than expected.
+        threshold: of the mean difference over the channels; only what is brighter than expected counts.
         ignored: pixels [H, W] that are hidden, and are not the residual's.
     """
-    difference = photograph - seen
-    size = (np.abs(difference) if signed else difference).mean(axis=2)
-    chosen: Chosen = size > threshold
+    chosen: Chosen = (photograph - seen).mean(axis=2) > threshold
     return chosen if ignored is None else chosen & ~ignored
 
 
 class Residuals:
     """Which pixels of each view are its residual's."""
 
-    def __init__(self, config: ResidualConfig, n_views: int, iterations: int) -> None:
-        """None yet, for a training of so many iterations."""
-        self.config = config
-        self.first, self.every = round(config.first * iterations), round(config.every * iterations)
+    def __init__(self, config: ResidualConfig | None, n_views: int, iterations: int) -> None:
+        """None yet, for a training of so many iterations; without settings there never are any."""
+        self.config, self._iterations = config, iterations
         self.chosen: dict[int, Chosen] = {}
         self._made = np.full(n_views, -1)  # at which iteration
         self._shares = np.zeros(n_views)  # of the pixels
@@ -50,14 +47,19 @@ class Residuals:
 
     def of(self, photograph: Image, seen: Image, view: int, iteration: int, ignored: Ignored | None) -> Chosen | None:
         """The pixels of a view that is visited, chosen anew if that is due; None while all are the scene's."""
-        if not self.config.used or iteration < self.first:
+        config = self.config
+        if config is None or iteration < round(config.first * self._iterations):
             return None
         size, known = photograph.shape[:2], self.chosen.get(view)
-        if known is None or known.shape != size or iteration - self._made[view] >= self.every:
-            known = beyond(photograph, seen, self.config.threshold, self.config.signed, ignored)
+        if (
+            known is None
+            or known.shape != size
+            or iteration - self._made[view] >= round(config.every * self._iterations)
+        ):
+            known = beyond(photograph, seen, config.threshold, ignored)
             self.chosen[view], self._made[view] = known, iteration
             self._shares[view] = known.mean()
-            self._watch(iteration)
+            self._watch(iteration, config.threshold)
         return known
 
     @property
@@ -77,14 +79,14 @@ class Residuals:
         self._made, self._shares = arrays["made"].copy(), arrays["shares"].copy()
         self._warned = bool(arrays["warned"][0])
 
-    def _watch(self, iteration: int) -> None:
+    def _watch(self, iteration: int, threshold: float) -> None:
         """Say, once, that residuals take most of the photographs; when every view has one."""
-        if not self._warned and (self._made >= 0).all() and self.share > self.config.most:
+        if not self._warned and (self._made >= 0).all() and self.share > MOST:
             self._warned = True
             logger.warning(
                 "training: residuals hold %.0f %% of the photographs' pixels after %d iterations, threshold %g: "
                 "the scene is learned from the rest",
                 100 * self.share,
                 iteration + 1,
-                self.config.threshold,
+                threshold,
             )

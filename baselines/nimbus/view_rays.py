@@ -11,6 +11,7 @@ from torch import Tensor
 from baselines.splatting.strategies.initialisation import scene_extent
 from hydroviews.scene.cameras import Camera
 
+SIDE = 2.0  # of the box, in extents of the points without their outermost hundredths (the paper)
 TAIL = 0.01  # of the points, at each end of an axis, that their extent leaves out
 LEAST = 1e-9  # of a direction's parts, which are divided by
 
@@ -42,7 +43,7 @@ class Rays:
         return torch.where(length > 0, entry, 0), length
 
 
-def box_around(points: NDArray[np.floating], cameras: Sequence[Camera], factor: float) -> Box:
+def box_around(points: NDArray[np.floating], cameras: Sequence[Camera], factor: float = SIDE) -> Box:
     """A box in the middle of the points [N, 3], `factor` times as large as nearly all of them need.
 
     Without points it is a cube around the cameras.

@@ -40,8 +40,8 @@ QUICK = VolumetricConfig(field=DETAILED_FIELD, iterations=9500)
 # Chosen on courtyard; docs/methods/radiance-fields.md says why none of the three is the public code's.
 SHORT = {"gap": 0.4, "alone": 0.1, "depth_weight": 0.1}
 # The public code's networks. Its 100 epochs of 32 x 32 pixels are some 560,000 steps for 30 photographs of 504 x 378.
-EVERYTHING = MlpFieldConfig(width=128, depth=6, skip=3, rate=3e-4)
-BEHIND = replace(EVERYTHING, depth=8, skip=4)
+EVERYTHING = MlpFieldConfig(width=128, depth=6, rate=3e-4)
+BEHIND = replace(EVERYTHING, depth=8)
 PAPER = replace(NERF, field=EVERYTHING, iterations=560_000, final_rate=1 / 30)
 PROFILES = {
     "demo": OccNerfConfig(DEMO, SHORT_FIELD, **SHORT),

@@ -6,6 +6,7 @@ from baselines.splatting.schedule import LearningRates
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting.strategies.pruning import Pruning
 from baselines.splatting.strategies.relocation import MCMCStrategy
+from baselines.training.config import SessionConfig
 
 
 @dataclass(frozen=True)
@@ -18,7 +19,7 @@ class EarlyStop:
 
 
 @dataclass(frozen=True)
-class TrainerConfig:
+class TrainerConfig(SessionConfig):
     """Settings of a training. Defaults are those of Kerbl et al. 2023. Differences to their code:
 
     * `near` is a hundredth of the scene's extent; theirs is 0.2 world units.
@@ -48,11 +49,8 @@ class TrainerConfig:
     early_stop: EarlyStop | None = None
     pruning: Pruning | None = None
     dense_start: float = 0.0  # share of the strategy's budget at the start; new Gaussians lie between the points
-    background: tuple[float, float, float] = (0.0, 0.0, 0.0)
     antialiased: bool = False  # Mip-Splatting's 2D filter: tiny Gaussians are widened and become fainter
     near: float = 0.01  # nearest visible depth, as a share of the scene's extent
-    device: str = "auto"  # auto, cpu or cuda; $HYDROVIEWS_DEVICE takes precedence
-    checkpoint_seconds: float = 30.0  # seconds of training between two checkpoints
 
     def __post_init__(self) -> None:
         shares, factors = [share for share, _ in self.resolutions], [factor for _, factor in self.resolutions]

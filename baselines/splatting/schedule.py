@@ -15,6 +15,8 @@ from baselines.splatting.kernels.splats.sh_coefficients import coefficients
 from hydroviews.errors import InputError
 from hydroviews.scene.cameras import Camera
 
+COOLED = 0.1  # factor on all rates at the end of a cooldown; ours
+
 
 @unique
 class Stream(IntEnum):
@@ -47,7 +49,6 @@ class LearningRates:
     quaternions: float = 1e-3
     final: float = 1.0  # factor at the end, for all rates but the means'
     cooldown: float = 0.0  # share of the iterations at the end in which all rates fall faster
-    cooled: float = 1.0  # further factor at the end of the cooldown
 
 
 def random_stream(seed: int, purpose: Stream, index: int) -> np.random.Generator:
@@ -100,14 +101,14 @@ def shrunk(camera: Camera, factor: int) -> Camera:
 
 
 def cooling_at(progress: float, rates: LearningRates) -> float:
-    """Factor on all rates, at a share of the iterations: 1, then down to `cooled` in the last `cooldown` of them.
+    """Factor on all rates, at a share of the iterations: 1, then down to `COOLED` in the last `cooldown` of them.
 
     Rates may stay high for longer, as what single steps add to the parameters is gone in the end: a warm-up, stable,
     decay schedule (Hu et al. 2024, MiniCPM, section 4) without the warm-up. Here as good as a mean of the parameters.
     """
     if not rates.cooldown:
         return 1.0
-    return float(rates.cooled ** max(0.0, 1 - (1 - progress) / rates.cooldown))
+    return float(COOLED ** max(0.0, 1 - (1 - progress) / rates.cooldown))
 
 
 def rates_at(

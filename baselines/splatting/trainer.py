@@ -15,6 +15,7 @@ from baselines.splatting.config import TrainerConfig
 from baselines.splatting.files.checkpoints import state_from_tree, state_to_tree
 from baselines.splatting.gaussians import FEATURES, Gaussians
 from baselines.splatting.objective import Objective
+from baselines.splatting.rasterizer import BLACK
 from baselines.splatting.state import TrainingState, fresh_state, without_non_finite
 from baselines.splatting.strategies.initialisation import initialise, scene_extent
 from baselines.splatting.strategies.pruning import prune
@@ -73,9 +74,7 @@ def train(
     objective = objective or Objective(read_images(scene.train_views), config.lambda_dssim)
     extent = scene_extent(cameras, scene.points.positions)[1]
     near = config.near * extent
-    backend = make_backend(
-        config.device, objective, np.asarray(config.background, np.float32), near, config.antialiased
-    )
+    backend = make_backend(config.device, objective, BLACK, near, config.antialiased)
     # On a GPU the photometric loss is Triton's; what methods add, and the validation's, are kernels of the CPU.
     kernels = backend.device == "cpu" or objective.wants_kernels or config.early_stop
     compile_seconds = warm_up(config.sh_degree, objective.sh_sets) if kernels else 0.0

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 
+from baselines.training.config import SessionConfig
 from baselines.volumetric.fields.hash_grid import GridConfig
 
 
@@ -11,10 +12,8 @@ class HashFieldConfig:
 
     grid: GridConfig = field(default_factory=GridConfig)
     hidden: int = 64  # units per layer
-    features: int = 15  # number of features from the density to the colour network
     colour_layers: int = 2  # hidden layers of the colour network
     proposal_grid: GridConfig = field(default_factory=lambda: GridConfig(5, 14, 16, 256))
-    proposal_hidden: int = 16
     rate: float = 1e-2  # learning rate of Adam
 
 
@@ -24,32 +23,38 @@ class MlpFieldConfig:
 
     width: int = 256
     depth: int = 8
-    skip: int = 4  # number of layers after which the encoded position is added again
     position_octaves: int = 10
-    direction_octaves: int = 4
     rate: float = 5e-4
 
 
 @dataclass(frozen=True)
-class VolumetricConfig:
+class PhotographEncoderConfig:
+    """A network that looks at the whole of a photograph, in small (Ha-NeRF, CR-NeRF)."""
+
+    channels: tuple[int, ...] = (64, 128, 128)  # of the convolutions, or of the stages that they are in
+    side: int = 128  # side in pixels of the square that photographs are resized to
+    rate: float = 5e-4  # learning rate of Adam
+    mean_share: float = 0.0  # share of the rays of a step that use the mean of all photographs
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.mean_share <= 1:
+            raise ValueError(f"mean_share {self.mean_share}: expected a share")
+
+
+@dataclass(frozen=True)
+class VolumetricConfig(SessionConfig):
     """Rendering and training of one field."""
 
     iterations: int = 5000
     rays: int = 1024  # rays per step
     field: HashFieldConfig | MlpFieldConfig = field(default_factory=HashFieldConfig)
-    space: str = "auto"  # contracted, ndc, or auto: ndc if all cameras look the same way
     proposal_samples: int = 48  # samples per ray of the proposal network
     samples: int = 24  # samples per ray of the field, drawn from the proposal's weights
     background: tuple[float, float, float] | None = None  # None: the last interval is infinite
     final_rate: float = 0.03  # factor of the learning rate at the end; exponential in between
     warm_up: int = 100  # iterations in which the learning rate rises
-    anneal: int = 500  # iterations in which proposals sharpen (Mip-NeRF 360, equation 18)
-    proposal_always: int = 500  # iterations in which every step trains the proposal network
-    proposal_every: int = 4  # steps between two trainings of the proposal network after that
-    interlevel: float = 1.0  # weight of the loss of the proposal network (Mip-NeRF 360, equation 13)
+    anneal: int = 500  # iterations in which proposals sharpen (Mip-NeRF 360, equation 18) and learn in every step
     distortion: float = 0.0  # weight of the loss against scattered density
-    device: str = "auto"  # auto, cpu or cuda; $HYDROVIEWS_DEVICE takes precedence
-    checkpoint_seconds: float = 30.0  # seconds of training between two checkpoints
 
 
 # Short trainings want large steps: on a made-up scene 250 iterations reach 18 dB at a rate of 0.01, 24 at 0.03.
@@ -57,6 +62,4 @@ SHORT_FIELD = HashFieldConfig(rate=2e-2)
 # Longer ones have the time to fill more entries: on clean views of courtyard twice as many gain half a decibel.
 DETAILED_FIELD = replace(SHORT_FIELD, grid=GridConfig(log2_entries=17))
 # A coarse and a fine network as NeRF has them: the coarse one learns at every step, rates fall from the first one on.
-NERF = VolumetricConfig(
-    rays=1024, field=MlpFieldConfig(), proposal_samples=64, samples=64, warm_up=0, anneal=0, proposal_every=1
-)
+NERF = VolumetricConfig(rays=1024, field=MlpFieldConfig(), proposal_samples=64, samples=64, warm_up=0, anneal=0)

@@ -9,6 +9,8 @@ from baselines.volumetric.model import Rendering
 from baselines.volumetric.rays.batches import Batch
 from baselines.volumetric.rays.sampling import distortion_loss, interlevel_loss
 
+INTERLEVEL = 1.0  # weight of the loss of the proposal network (Mip-NeRF 360, equation 13)
+
 Losses = dict[str, Tensor]
 Loss = Callable[[Rendering, Batch], Losses]  # named losses, which are added up
 
@@ -29,7 +31,7 @@ def proposal_losses(rendering: Rendering, batch: Batch, config: VolumetricConfig
     elif rendering.proposal_weights.requires_grad:
         histogram = rendering.proposal_edges, rendering.proposal_weights
         bounds = interlevel_loss(rendering.samples.edges, rendering.weights, *histogram)
-        losses["interlevel"] = config.interlevel * bounds.mean()
+        losses["interlevel"] = INTERLEVEL * bounds.mean()
     if config.distortion:
         scattered = distortion_loss(rendering.samples.edges, rendering.weights)
         losses["distortion"] = config.distortion * scattered.mean()

@@ -14,7 +14,7 @@ from baselines.training.devices import chosen_device
 from baselines.training.images import TrainingImages, read_images
 from baselines.training.loop import Metrics, run
 from baselines.training.torch_state import module_arrays, restore_module
-from baselines.volumetric.config import VolumetricConfig
+from baselines.volumetric.config import MlpFieldConfig, VolumetricConfig
 from baselines.volumetric.fields.hash_grid import warm_up as warm_up_kernels
 from baselines.volumetric.losses import Loss, photometric_losses
 from baselines.volumetric.model import RadianceModel, TrainingContext
@@ -25,6 +25,7 @@ from hydroviews.scene.scenes import Scene
 from hydroviews.scene.seeds import generator
 
 BETAS, EPSILON = (0.9, 0.99), 1e-15  # of Mueller et al. 2022: entries that are rarely seen still move
+PROPOSAL_EVERY = 4  # steps between two trainings of a proposal network once proposals are sharp
 Make = Callable[[Space, torch.Generator, int], RadianceModel]  # space, start, number of training views
 
 
@@ -74,7 +75,7 @@ def train(
         KeyboardInterrupt, SystemExit: on Ctrl-C and SIGTERM, after a checkpoint was written.
     """
     cameras = [view.camera for view in scene.train_views]
-    space = choose_space(cameras, scene.points, config.space)
+    space = choose_space(cameras, scene.points)
     device = torch.device(chosen_device(config.device))
     pixels = TrainingPixels(cameras, images or read_images(scene.train_views), weights)
     start = generator(seed, "start").integers(2**62)
@@ -149,7 +150,8 @@ class FieldTrainer:
         config, iteration = self.config, self.iteration
         numbers = generator(self.seed, "jitter", iteration).random((2, config.rays), np.float32)
         jitter = torch.from_numpy(numbers).to(self.device)
-        update_proposal = iteration < config.proposal_always or iteration % config.proposal_every == 0
+        coarse = isinstance(config.field, MlpFieldConfig)  # whose colours are learned from in every step, as in NeRF
+        update_proposal = coarse or iteration < config.anneal or iteration % PROPOSAL_EVERY == 0
         return TrainingContext(
             batch.views,
             jitter,

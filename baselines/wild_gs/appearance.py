@@ -22,6 +22,7 @@ from baselines.wild_gs.lifting import lifted, lifted_size, rendered_depth
 from baselines.wild_gs.triplane import TriplaneNetwork, plane_pictures, read
 from hydroviews.scene.cameras import Camera
 
+LEAST_VISIBLE = 0.5  # threshold Th of the paper, which does not give it: only pixels with more visibility are lifted
 DEPTH = "depth"  # names of depths in a checkpoint: of which view, rendered in which step
 
 
@@ -57,10 +58,10 @@ class LookAppearance(EncodedAppearance):
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
             self.encoder = LookEncoder(config.backbone)
-            self.triplane = TriplaneNetwork(config.widths, config.channels)
+            self.triplane = TriplaneNetwork()
             self.colours = LookColours(config, sh_degree, self.encoder.outputs)
-        rates = config.rate_encoder, config.rate_planes, config.rate_colour
-        self.optimise(list(zip((self.encoder, self.triplane, self.colours), rates, strict=True)))
+        networks = [(network, config.rate_networks) for network in (self.triplane, self.colours)]
+        self.optimise([(self.encoder, config.rate_encoder), *networks])
         self._depths: dict[int, tuple[int, NDArray[np.float32]]] = {}  # by view: step in which it was rendered, depth
 
     def visible_price(self, iteration: int) -> float:
@@ -137,7 +138,7 @@ class LookAppearance(EncodedAppearance):
     def _lifted(self, view: int, visible: Tensor, depths: Tensor) -> Tensor:
         """Which pixels become points, bool [H W]: those that have a depth, show the scene, and are not hidden."""
         size = (depths.shape[0], depths.shape[1])
-        found = depths.isfinite() & (at_size(visible, size) > self.config.least_visible)
+        found = depths.isfinite() & (at_size(visible, size) > LEAST_VISIBLE)
         ignored = self._images.ignored(view, size)
         if ignored is not None:
             found &= torch.from_numpy(~ignored).to(self.device)

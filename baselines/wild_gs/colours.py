@@ -13,7 +13,10 @@ from torch import Tensor, nn
 from baselines.splatting.appearance.networks import layers
 from baselines.splatting.kernels.splats.sh_coefficients import C0, coefficients
 from baselines.wild_gs.config import LookConfig
+from baselines.wild_gs.triplane import CHANNELS
 
+HIDDEN = 32  # units of the networks of codes and colours
+REST = 0.05  # factor on the networks' output for all coefficients but the first
 TAIL = 0.01  # of the Gaussians, at each end of an axis, that the extent leaves out
 
 
@@ -30,14 +33,14 @@ class LookColours(nn.Module):
         """
         super().__init__()
         self.config = config
-        self.of_whole = layers(features, (config.hidden,), config.code)
-        self.of_place = layers(config.channels, (config.hidden,), config.code)
+        self.of_whole = layers(features, (HIDDEN,), config.code)
+        self.of_place = layers(CHANNELS, (HIDDEN,), config.code)
         self.outside = nn.Parameter(torch.zeros(config.code))  # the local code of all that has no local look
-        self.colour = layers(2 * config.code + config.intrinsic, (config.hidden,), 3 * coefficients(sh_degree))
+        self.colour = layers(2 * config.code + config.intrinsic, (HIDDEN,), 3 * coefficients(sh_degree))
         for parameter in self.colour[-1].parameters():
             nn.init.zeros_(parameter)
         self.scale: Tensor  # [K, 1] on what the last layer says
-        self.register_buffer("scale", torch.full((coefficients(sh_degree), 1), config.rest / C0))
+        self.register_buffer("scale", torch.full((coefficients(sh_degree), 1), REST / C0))
         self.scale[0] = 1 / C0
         self.middle: Tensor
         self.reach: Tensor

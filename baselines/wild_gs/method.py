@@ -33,7 +33,7 @@ from baselines.splatting_profiles import PROFILES_WITH_NETWORKS, with_iterations
 from baselines.training.images import read_images
 from baselines.training.torch_state import one_thread
 from baselines.wild_gs.appearance import LookAppearance
-from baselines.wild_gs.config import SHORT, LookConfig
+from baselines.wild_gs.config import PAPER, SHORT, LookConfig
 from baselines.wild_gs.mean_look import mean_look
 from hydroviews.scene.scenes import Scene
 
@@ -43,7 +43,7 @@ class WildGSConfig:
     """Gaussians and networks."""
 
     splatting: TrainerConfig = field(default_factory=TrainerConfig)
-    look: LookConfig = field(default_factory=LookConfig)
+    look: LookConfig = PAPER
 
 
 class WildGS(GaussianSplatting):

@@ -12,6 +12,8 @@ from baselines.encoders.sampling import sample
 from baselines.encoders.unet import Up
 
 PLANES = 3
+WIDTHS = (8, 16, 32)  # channels of the U-Net at 1, 1/2 and 1/4 of a plane's side; ours
+CHANNELS = 16  # of a plane's features; ours
 VALUES = 4  # of a pixel: three of colour, and whether there is a point
 
 
@@ -58,7 +60,7 @@ def read(planes: Tensor, positions: Tensor) -> Tensor:
 class TriplaneNetwork(nn.Module):
     """A small U-Net that turns the pictures of a plane into its features; all three planes share it."""
 
-    def __init__(self, widths: tuple[int, int, int], outputs: int) -> None:
+    def __init__(self, widths: tuple[int, int, int] = WIDTHS, outputs: int = CHANNELS) -> None:
         super().__init__()
         fine, middle, coarse = widths
         self.first = nn.Conv2d(2 * VALUES, fine, 3, 1, 1)

@@ -4,8 +4,8 @@ One picture goes in, the same picture without rain comes out; nothing is known o
 
     enhance.py        pictures of any size, in overlapping tiles where they are large
     views.py          a scene's training photographs, each enhanced once and kept; clear_pixels.py between drops
-    weights.py        trained networks on disk, the shipped one in weights/
+    weights.py        trained networks, the shipped one in weights/
     architecture/     the network, its parts, and the statistics of the lens that they receive
-    training/         the loop, the loss, and the pairs that are drawn or read
+    training/         the loss, and the pairs that are drawn or read; the loop is baselines.supervised
     validation/       errors on held-out photographs in known rain
 """

@@ -5,20 +5,22 @@ from hydroviews.cli.starting import begin
 if __name__ == "__main__":
     begin()
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 import tyro
 from numpy.typing import NDArray
+from torch import nn
 from tqdm import tqdm
 
+from baselines.supervised import commands as supervised
+from baselines.supervised.training import Validate
+from baselines.supervised.validation import as_json
+from baselines.supervised.weights import NetworkFiles, rounded
 from baselines.training.devices import chosen_device
-from baselines.training.network_commands import WEIGHTS, load_trained, require_own_files, rounded, use_threads
-from baselines.training.supervised_training import Intervals, network_fingerprint
-from baselines.training.validation import as_json
 from deraings.enhancement.architecture.lenses import lenses_of_capture
 from deraings.enhancement.architecture.network import CONFIGS, EnhancementNetwork
 from deraings.enhancement.architecture.size import describe
@@ -26,16 +28,16 @@ from deraings.enhancement.before_after import before_and_after, on_sheet
 from deraings.enhancement.enhance import enhance
 from deraings.enhancement.training.config import TrainingConfig
 from deraings.enhancement.training.data import Data, described, started_from, training_pairs
-from deraings.enhancement.training.loop import EnhancementTraining, train
+from deraings.enhancement.training.pairs import Batches
+from deraings.enhancement.training.training import EnhancementTraining
 from deraings.enhancement.validation.calibration import draw_calibration
 from deraings.enhancement.validation.pictures import LONG_SIDE, PATTERNS, validation_set
 from deraings.enhancement.validation.scores import Score, as_columns, scores, scores_by_companions, table
-from deraings.enhancement.weights import load_enhancer, mean_network, save_network
+from deraings.enhancement.weights import FILES, load_enhancer, mean_network
 from hydroviews.captures.single_pictures import read_upright
 from hydroviews.cli.commands import run_command
-from hydroviews.cli.threads import processors
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import write_bytes, write_json
+from hydroviews.files.atomic import write_bytes
 from hydroviews.files.ownership import require_ours
 from hydroviews.formats.photographs import one_by_one
 from hydroviews.pairs.photographs import split_photographs
@@ -49,90 +51,72 @@ VALIDATION_SEED = 1000  # of the validation rain, whatever the training's seed
 
 
 @dataclass(frozen=True)
-class TrainingRequest:
-    """A training."""
+class TrainingRequest(supervised.TrainingRequest):
+    """A training of an enhancement network."""
 
     data: tyro.conf.OmitArgPrefixes[Data]
     training: tyro.conf.OmitArgPrefixes[TrainingConfig] = field(default_factory=TrainingConfig)
-    intervals: tyro.conf.OmitArgPrefixes[Intervals] = field(default_factory=Intervals)
-    out: Path = Path("results/enhancement/small")  # folder of checkpoint, curve, weights and data card
-    threads: int = 0  # 0: one per core
+    # Folder of checkpoint, curve, weights and data card.
+    out: Path = field(default=Path("results/enhancement/small"), kw_only=True)
     device: str = "auto"  # device of the training: auto, cpu or cuda
-    workers: int | None = None  # processes that draw pairs ahead. Default: none on a CPU; on a GPU one per other core
-    validated: int = 0  # held-out photographs of the last validation, 0 for all
+
+    files: ClassVar[NetworkFiles] = FILES
+
+    def begin(self) -> EnhancementTraining:
+        """See supervised.TrainingRequest."""
+        start = started_from(self.data, self.training)
+        network = start.network if start else None
+        return EnhancementTraining(self.training, chosen_device(self.device), network)
+
+    def described(self) -> str:
+        """See supervised.TrainingRequest."""
+        return described(self.data, started_from(self.data, self.training))
+
+    def batches(self) -> Batches:
+        """See supervised.TrainingRequest."""
+        return Batches(training_pairs(self.data, self.training), self.training.batch)
+
+    def validation(self) -> Validate:
+        """See supervised.TrainingRequest: in drawn rain, alone and with companions."""
+        held_out = self.data.held_out()[:WATCHED]
+        watched = validation_set(held_out, VALIDATION_SEED, self.data.cache / "validation", MOST_COMPANIONS)
+
+        def validate(network: EnhancementNetwork) -> dict[str, float]:
+            alone = as_columns(scores(network, watched))
+            lens = self.training.network.lens
+            together = as_columns(scores(network, watched, MOST_COMPANIONS, views=0)) if lens else {}
+            return alone | {f"{kind} of {MOST_COMPANIONS + 1}": value for kind, value in together.items()}
+
+        return validate
+
+    def judged(self, network: nn.Module) -> tuple[dict[str, Any], str]:
+        """See supervised.TrainingRequest."""
+        assert isinstance(network, EnhancementNetwork)
+        return judged(network, self.data.held_out()[: self.validated or None], self.data.cache)
 
 
 def train_command(request: tyro.conf.OmitArgPrefixes[TrainingRequest]) -> None:
     """Train a network, write its weights and data card; an interrupted command resumes when repeated."""
-    use_threads(request.threads)
-    require_own_files(request.out)
-    data, config = request.data, request.training
-    start = started_from(data, config)
-    words = described(data, start)
-    pairs = training_pairs(data, config)
-    watched = validation_set(data.held_out()[:WATCHED], VALIDATION_SEED, data.cache / "validation", MOST_COMPANIONS)
-
-    def validate(network: EnhancementNetwork) -> dict[str, float]:
-        alone = as_columns(scores(network, watched))
-        together = as_columns(scores(network, watched, MOST_COMPANIONS, views=0)) if config.network.lens else {}
-        return alone | {f"{kind} of {MOST_COMPANIONS + 1}": value for kind, value in together.items()}
-
-    network, device = start.network if start else None, chosen_device(request.device)
-    workers = drawing_workers(device) if request.workers is None else request.workers
-    training = train(request.out, config, pairs, words, validate, request.intervals, network, workers, device)
-    write_weights(request, training, words)
-
-
-def drawing_workers(device: str) -> int:
-    """How many processes draw pairs ahead: a GPU would wait for them, a processor shares its cores with them."""
-    return max(1, processors() - 1) if device == "cuda" else 0
+    supervised.train_network(request)
 
 
 def export_command(request: tyro.conf.OmitArgPrefixes[TrainingRequest]) -> None:
     """Write weights and data card of an unfinished training; settings as for `train`."""
-    use_threads(request.threads)
-    training = EnhancementTraining(request.training)
-    words = described(request.data, started_from(request.data, request.training))
-    load_trained(training, request.out, network_fingerprint(request.training, words))
-    write_weights(request, training, words)
+    supervised.export_network(request)
 
 
-def write_weights(request: TrainingRequest, training: EnhancementTraining, data: str) -> None:
-    """Validate on held-out photographs, and write weights and data card, which says in words what was learned from."""
-    held_out = request.data.held_out()[: request.validated or None]
-    rows, validated = rounded_and_validated(training.averaged, held_out, request.data.cache)
-    settings = asdict(request.training)
-    card: dict[str, Any] = {
-        "data": data,
-        "seed": request.training.seed,
-        "steps": training.iteration,
-        "of": request.training.steps,
-        "seconds": round(training.seconds),
-        "training": {name: value for name, value in settings.items() if name not in ("network", "seed", "steps")},
-        **validated,
-    }
-    save_with_card(request.out / WEIGHTS, training.averaged, card)
-    for count, row in rows.items():
-        print(f"\n{count} companions\n\n{table(row)}")
-
-
-def rounded_and_validated(
-    network: EnhancementNetwork, held_out: Sequence[Path], cache: Path
-) -> tuple[dict[int, list[Score]], dict[str, Any]]:
-    """Round weights as files have them; scores on held-out photographs by numbers of companions, and for the card."""
-    network.load_state_dict(rounded(network.state_dict()))
+def judged(network: EnhancementNetwork, held_out: Sequence[Path], cache: Path) -> tuple[dict[str, Any], str]:
+    """Scores on held-out photographs by numbers of companions: for a data card, and as tables."""
     counts = WATCHED_COMPANIONS if network.config.lens else WATCHED_COMPANIONS[:1]
     pictures = validation_set(held_out, VALIDATION_SEED, cache / "validation", counts[-1])
     rows = scores_by_companions(network, pictures, counts)
     validation = {f"{count} companions": _scores_alone(row) for count, row in rows.items()}
-    return rows, {"held out": [file.name for file in held_out], "validation": validation}
+    return {"held out": [file.name for file in held_out], "validation": validation}, tables(rows)
 
 
-def save_with_card(path: Path, network: EnhancementNetwork, card: dict[str, Any]) -> None:
-    """Write weights, and their data card beside them; print where and how large."""
-    save_network(path, network.config, network.state_dict(), card)
-    write_json(path.with_suffix(".json"), {"network": asdict(network.config), **card})
-    print(f"\n{path}: {path.stat().st_size / 1e6:.1f} MB")
+def tables(rows: Mapping[int, Sequence[Score]]) -> str:
+    """A Markdown table for each number of companions."""
+    return "\n".join(f"\n{count} companions\n\n{table(row)}" for count, row in rows.items())
 
 
 def average_command(
@@ -157,14 +141,16 @@ def average_command(
     require_ours([out, out.with_suffix(".json")])
     enhancers = [load_enhancer(name, "cpu") for name in weights]
     network = mean_network(enhancers)
-    _, validated = rounded_and_validated(network, Data(photographs).held_out()[: pictures or None], cache)
+    network.load_state_dict(rounded(network.state_dict()))
+    validated, _ = judged(network, Data(photographs).held_out()[: pictures or None], cache)
     parts = [f"{enhancer.card['steps']} steps on {enhancer.card['data']}" for enhancer in enhancers]
     card = {
         "data": f"mean of {len(parts)} weights: {'; and '.join(parts)}",
         "steps": sum(enhancer.card["steps"] for enhancer in enhancers),
         **validated,
     }
-    save_with_card(out, network, card)
+    FILES.save(out, network, card)
+    print(f"written: {out}, {out.stat().st_size / 1e6:.1f} MB")
 
 
 def _scores_alone(rows: Sequence[Score]) -> list[dict[str, Any]]:
@@ -207,8 +193,7 @@ def validate_command(
     kept = cache / ("validation" if side == LONG_SIDE else f"validation-{side}")
     drawn = validation_set(files, VALIDATION_SEED, kept, max(companions), judges, families, side)
     found = scores_by_companions(enhancer.network, drawn, companions)
-    for count, rows in found.items():
-        print(f"\n{count} companions\n\n{table(rows)}")
+    print(tables(found))
     if plot:
         curves = {row.kind: row.calibration for row in found[max(companions)] if row.calibration}
         write_bytes(plot, draw_calibration(curves).encode())

@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-from deraings.lens.views import AROUND
-
 
 @dataclass(frozen=True)
 class MaskConfig:
@@ -14,43 +12,26 @@ class MaskConfig:
 
     Attributes:
         start: share of the iterations, (0, 1], after which the masks weigh the loss.
-        warm_up: share of the iterations, [0, start], for which the network learns before that.
         every: iterations, at least 1, to a step of the network. With 12, an iteration is 2 ms longer on average at
             320x240 (one thread), with 4 more than 5 ms, and scenes are no better.
         regularisation: lambda_reg in typical losses, positive; the paper does not say.
         penalty: losses up to this many typical ones, from 0, are not worth masking; the paper has 0.
-        min_typical: least that the typical loss is taken to be, positive, so that well-fitted scenes stay unmasked.
         min_evidence: for something on the lens (see `maps.evidence`), [0, 1], below which nothing is masked: dry
             scenes have 0 to 0.06, drops 0.2 and more. 0 masks always.
         rate: of Adam, positive; the paper has 1e-3, for 70,000 iterations.
-        shrink: the network works at this fraction of the picture's resolution, at least 1.
-        fine: mask pixels a side, a divisor of `shrink`, for each pixel of the network.
-        width: channels of the encoder; a step with 16 takes 16 ms at 320x240, more than half as long again with 24.
         attention: whether channels are weighed by their high frequencies, as in the paper.
-        cutoff: of the high-pass filter, [0, 0.5], in cycles a pixel of the network's resolution.
-        lens_views: standard deviation, from 0, in views before and after, of those whose losses the network sees, and
-            whose masks limit a view's; with 0 it sees the photograph alone, and all that it masks is, as in the paper.
     """
 
     start: float = 0.3
-    warm_up: float = 0.2
     every: int = 12
     regularisation: float = 0.5
     penalty: float = 1.0
-    min_typical: float = 0.02
     min_evidence: float = 0.1
     rate: float = 5e-3
-    shrink: int = 4
-    fine: int = 2
-    width: int = 16
     attention: bool = True
-    cutoff: float = 0.125
-    lens_views: float = AROUND
 
     def __post_init__(self) -> None:
-        if not (0 < self.start <= 1 and 0 <= self.warm_up <= self.start and self.every >= 1):
-            raise ValueError(f"start {self.start}, warm_up {self.warm_up}, every {self.every}: no such schedule")
-        if min(self.regularisation, self.min_typical, self.rate) <= 0 or min(self.penalty, self.lens_views) < 0:
-            raise ValueError("regularisation, min_typical, rate must be positive, penalty, lens_views not negative")
-        if self.shrink % self.fine:
-            raise ValueError(f"fine {self.fine} must divide shrink {self.shrink}")
+        if not (0 < self.start <= 1 and self.every >= 1):
+            raise ValueError(f"start {self.start}, every {self.every}: no such schedule")
+        if min(self.regularisation, self.rate) <= 0 or self.penalty < 0:
+            raise ValueError("regularisation and rate must be positive, penalty not negative")

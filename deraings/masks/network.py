@@ -13,6 +13,10 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+SHRINK = 4  # the network works at this fraction of the picture's resolution
+FINE = 2  # mask pixels a side for each pixel of the network
+WIDTH = 16  # channels of the encoder: a step takes 16 ms at 320x240, more than half as long again with 24
+CUTOFF = 0.125  # of the high-pass filter, in cycles a pixel of the network's resolution
 LEVELS = 5  # resolutions of the U-Net
 SMALLEST = 2**LEVELS  # pixels a side: batch statistics need more than one value at the coarsest level
 FIRST_MASK = 0.02  # what an untrained network predicts about everywhere

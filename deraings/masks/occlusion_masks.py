@@ -15,8 +15,6 @@ the loss is weighed by no more of M than the views taken before and after have t
 """
 
 from collections.abc import Callable
-from dataclasses import asdict
-from typing import Any
 
 import numpy as np
 import torch
@@ -28,12 +26,14 @@ from baselines.training.checkpoints import below
 from baselines.training.images import Size, TrainingImages
 from baselines.training.torch_state import module_arrays, one_thread, restore_module
 from deraings.image_planes import Plane, resized
-from deraings.lens.views import mean_around
+from deraings.lens.views import AROUND, mean_around
 from deraings.masks.config import MaskConfig
 from deraings.masks.maps import evidence, filled
-from deraings.masks.network import MaskNetwork, masked_loss
+from deraings.masks.network import CUTOFF, FINE, SHRINK, WIDTH, MaskNetwork, masked_loss
 from hydroviews.scene.images import Image
 
+WARM_UP = 0.2  # share of the iterations for which the network learns before masks weigh the loss
+LEAST_TYPICAL = 0.02  # least that the typical loss is taken to be, so that well-fitted scenes stay unmasked
 LEVEL_MEMORY = 100  # network steps over which the typical loss is averaged
 
 
@@ -71,14 +71,13 @@ class OcclusionMasks(PixelWeights):
         self.config = config or MaskConfig()
         self.images, self.seed = images, seed
         self.first = round(self.config.start * iterations)
-        self.first_lesson = round((self.config.start - self.config.warm_up) * iterations)
-        c = self.config
+        self.first_lesson = round(max(0.0, self.config.start - WARM_UP) * iterations)
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
-            network = MaskNetwork(c.shrink, c.fine, c.width, c.cutoff, 1 if c.lens_views else 0, c.attention)
+            network = MaskNetwork(SHRINK, FINE, WIDTH, CUTOFF, extra=1, attention=self.config.attention)
         self.network = network.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self._device = torch.device(device)
-        self.adam = torch.optim.Adam(self.network.parameters(), c.rate, fused=True)
+        self.adam = torch.optim.Adam(self.network.parameters(), self.config.rate, fused=True)
         self._level = np.zeros(2)  # typical loss, and from how many losses it is known
         self._evidence: float | None = None  # for something on the lens, once the masks have started
         self._losses: dict[int, Plane] = {}  # last losses of views at the network's resolution
@@ -140,7 +139,7 @@ class OcclusionMasks(PixelWeights):
         own = self._on_lens[view] if view in self._on_lens else self._limited(view, self._predicted(view))
         mask = own.astype(np.float32) / 255
         height, width = self.images.pixels(view).shape[:2]
-        pixels = self.config.shrink // self.config.fine
+        pixels = SHRINK // FINE
         whole = resized(mask, (mask.shape[0] * pixels, mask.shape[1] * pixels))
         found = resized(whole[:height, :width], size)
         if self._known is not None:
@@ -161,8 +160,8 @@ class OcclusionMasks(PixelWeights):
         if iteration < self.first_lesson or not (loss > 0).any():
             return
         self._observe(float(np.median(loss[loss > 0])))
-        wanted = torch.from_numpy(self._shrunk(view, loss, self.config.shrink // self.config.fine)).to(self._device)
-        self._losses[view] = self._shrunk(view, loss, self.config.shrink)
+        wanted = torch.from_numpy(self._shrunk(view, loss, SHRINK // FINE)).to(self._device)
+        self._losses[view] = self._shrunk(view, loss, SHRINK)
         with one_thread():
             self.network.train()
             self.adam.zero_grad()
@@ -179,12 +178,8 @@ class OcclusionMasks(PixelWeights):
 
     @property
     def typical(self) -> float:
-        """The median loss of a pixel, averaged over the last lessons, and at least `min_typical`."""
-        return max(float(self._level[0]), self.config.min_typical)
-
-    def settings(self) -> dict[str, Any]:
-        """The settings; a checkpoint made with others is another run's."""
-        return {"seed": self.seed, "first": self.first, "first_lesson": self.first_lesson, **asdict(self.config)}
+        """The median loss of a pixel, averaged over the last lessons, and at least `LEAST_TYPICAL`."""
+        return max(float(self._level[0]), LEAST_TYPICAL)
 
     def state_dict(self) -> dict[str, NDArray]:
         """All that was learned: weights, batch statistics, moments, typical loss, loss on the lens, masks."""
@@ -210,7 +205,7 @@ class OcclusionMasks(PixelWeights):
 
     def _limited(self, view: int, mask: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """A mask, nowhere more than the mean of those of the views taken before and after, and itself."""
-        mean = mean_around(view, {**self._kept, view: mask}, mask.shape, self.config.lens_views)
+        mean = mean_around(view, {**self._kept, view: mask}, mask.shape, AROUND)
         return mask if mean is None else np.minimum(mask, np.rint(mean).astype(np.uint8))
 
     def _predicted(self, view: int) -> NDArray[np.uint8]:
@@ -222,18 +217,16 @@ class OcclusionMasks(PixelWeights):
     def _predict(self, view: int) -> Tensor:
         """M [h, w] at the mask's resolution; rows and columns that fill up the last blocks are part of it."""
         pixels = self.images.pixels(view)
-        picture = filled(pixels, self.config.shrink)
-        extra = None
-        if self.config.lens_views:
-            size = picture.shape[0] // self.config.shrink, picture.shape[1] // self.config.shrink
-            extra = torch.from_numpy(self._around(view, size)).to(self._device)[None, None]
+        picture = filled(pixels, SHRINK)
+        size = picture.shape[0] // SHRINK, picture.shape[1] // SHRINK
+        around = torch.from_numpy(self._around(view, size)).to(self._device)[None, None]
         planes = torch.from_numpy(picture).to(self._device).float() / 255
-        return self.network(planes.permute(2, 0, 1)[None], extra)[0, 0]
+        return self.network(planes.permute(2, 0, 1)[None], around)[0, 0]
 
     def _shrunk(self, view: int, loss: NDArray, factor: int) -> Plane:
         """A loss map averaged over factor x factor pixels of the whole picture."""
         height, width = self.images.pixels(view).shape[:2]
-        whole = filled(resized(loss.astype(np.float32), (height, width)), self.config.shrink)
+        whole = filled(resized(loss.astype(np.float32), (height, width)), SHRINK)
         return resized(whole, (whole.shape[0] // factor, whole.shape[1] // factor))
 
     def _observe(self, typical: float) -> None:
@@ -247,7 +240,7 @@ class OcclusionMasks(PixelWeights):
         What stays on the lens is lost in all of them, what is fine in the scene moves from view to view.
         """
         others = {other: loss for other, loss in self._losses.items() if other != view}
-        mean = mean_around(view, others, size, self.config.lens_views)
+        mean = mean_around(view, others, size, AROUND)
         return np.ones(size, np.float32) if mean is None else mean / np.float32(self.typical)
 
 

@@ -147,8 +147,7 @@ class RainObjective(Objective):
 
     def settings(self) -> dict[str, Any]:
         """See Objective."""
-        masks = self.masks.settings() if self.masks else None
-        return {**super().settings(), **self.model.settings(), "masks": masks}
+        return {**super().settings(), **self.model.settings()}
 
     def state_dict(self) -> dict[str, NDArray]:
         """See Objective."""

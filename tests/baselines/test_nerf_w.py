@@ -11,7 +11,7 @@ from baselines.volumetric.compositing import INFINITE
 from baselines.volumetric.model import TrainingContext
 from baselines.volumetric.rays.batches import Batch
 
-CONFIG = NerfWConfig(balls.SMALL, appearance=8, transient=8, transient_width=16, embedding_rate=2e-2)
+CONFIG = NerfWConfig(balls.SMALL, transient_width=16, embedding_rate=3e-3)
 
 
 def model(views=3):
@@ -91,7 +91,7 @@ def test_the_loss_is_its_four_terms():
 def test_scoring_renders_the_static_scene_in_its_mean_appearance():
     nerf = model()
     with torch.no_grad():
-        nerf.appearance.copy_(torch.randn(3, 8))
+        nerf.appearance.copy_(torch.randn(3, 48))
         shown = nerf(rays(50)).colour
         nerf.transient.add_(5.0)
         nerf.head.exit.bias.add_(3.0)

@@ -18,19 +18,19 @@ WRONG = {
     CrNerfConfig: [{"transform": TransformConfig(size=65)}],
     StyleConfig: [{"mean_share": 1.5}, {"channels": (4, 4)}, {"side": 7}],
     TransientConfig: [{"dilations": (1, 0)}, {"dilations": (1, 4), "side": 9}, {"at_first": 1.0}],
-    MaskNetworkConfig: [{"lower": 0.9}, {"lower": 0}, {"upper": 1.2}, {"prior": 1}],
-    TrimConfig: [{"inlier_share": 0}, {"inlier_share": 1.1}, {"memory": 1}, {"fade_in": 0}],
+    MaskNetworkConfig: [{"prior": 0}, {"prior": 1}],
+    TrimConfig: [{"inlier_share": 0}, {"inlier_share": 1.1}, {"fade_in": 0}],
     ReferenceConfig: [{"maps": 0}, {"visible_price": 0}],
     LookConfig: [{"mean_share": 1.5}, {"channels": (4,)}, {"channels": (4, 4, 4, 4), "side": 7}],
-    MediumConfig: [{"cells": 1}, {"clear": 0}, {"judged": 2}, {"first": 0.5}, {"samples": 0}, {"variation": -1}],
-    ResidualConfig: [{"threshold": 0}, {"first": 2}, {"every": -1}, {"most": 0}],
+    MediumConfig: [{"cells": 1}, {"judged": 2}, {"first": 0.5}, {"renewed": 0}, {"variation": -1}],
+    ResidualConfig: [{"threshold": 0}, {"first": 2}, {"every": -1}],
     OccNerfConfig: [{"gap": 0.0}, {"gap": 1.0}, {"alone": 1.0}, {"alone": -0.1}, {"background": MlpFieldConfig()}],
     TrainerConfig: [
         *({"dense_start": share} for share in (-0.1, 1.5)),
         *({"resolutions": steps} for steps in (((0.6, 4), (0.6, 2)), ((0.0, 2),), ((0.5, 0),))),
     ],
-    PriceConfig: [{"at_first": 0.0}, {"price": 0.0}, {"price": 0.1}, {"typical": "mode"}],
-    WildLookConfig: [{"side": 30}, {"box": 0.0}, {"rate_planes": 0.0}, {"code": 0}, {"absent": 1.0}, {"shrink": 0}],
+    PriceConfig: [{"at_first": 0.0}, {"price": 0.0}, {"typical": "mode"}],
+    WildLookConfig: [{"side": 30}, {"box": 0.0}, {"rate_networks": 0.0}, {"code": 0}, {"absent": 1.0}, {"shrink": 0}],
 }
 
 

@@ -17,7 +17,7 @@ from baselines.method import WRAPPERS, find_method
 from baselines.training.images import read_images
 from deraings.enhanced_method import EnhancedConfig, enhanced_scene, enhanced_views, on_enhanced
 from deraings.enhancement.architecture.network import EnhancementNetwork
-from deraings.enhancement.weights import DEFAULT, find_weights, save_network
+from deraings.enhancement.weights import DEFAULT, FILES, find_weights
 from deraings.method import DeRainGS, DeRainGSConfig
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import sha256
@@ -50,7 +50,7 @@ def weights(tmp_path_factory):
         for value in network.parameters():
             value += 0.02 * torch.randn(value.shape)
     path = tmp_path_factory.mktemp("weights") / "tiny.safetensors"
-    save_network(path, TINY, network.state_dict(), {"steps": 0, "data": "nothing"})
+    FILES.save(path, network, {"steps": 0, "data": "nothing"})
     return path
 
 

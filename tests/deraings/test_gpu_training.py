@@ -44,7 +44,7 @@ RELOCATING = MCMCStrategy(start=3, stop=11, every=4, budget=150, growth=0.1, noi
 PRUNING = replace(
     HURRIED, pruning=Pruning(at=(0.5,), budget=60), early_stop=EarlyStop(every=4, patience=9), antialiased=True
 )
-MASKS = MaskConfig(start=0.3, warm_up=0.2, every=2, min_evidence=0)
+MASKS = MaskConfig(start=0.3, every=2, min_evidence=0)
 TONES = WildConfig(
     HURRIED,
     AppearanceConfig(width=16, scale=0.3),

@@ -18,7 +18,7 @@ from deraings.enhancement import views as enhanced_views
 from deraings.enhancement.architecture.network import EnhancementNetwork, NetworkConfig
 from deraings.enhancement.enhance import Enhanced
 from deraings.enhancement.views import EnhancedViews
-from deraings.enhancement.weights import find_weights, load_enhancer, save_network
+from deraings.enhancement.weights import FILES, find_weights, load_enhancer
 from deraings.method import DeRainGS, DeRainGSConfig, DeRainGSPlus, RainModelOnly, WithoutAttention
 from deraings.rain_model.config import RainConfig
 from hydroviews.errors import InputError
@@ -40,7 +40,7 @@ def weights(tmp_path_factory):
     with torch.no_grad():
         network.head[0].bias.fill_(-0.1)
     path = tmp_path_factory.mktemp("weights") / "darker.safetensors"
-    save_network(path, TINY, network.state_dict(), {"steps": 0, "data": "nothing"})
+    FILES.save(path, network, {"steps": 0, "data": "nothing"})
     return path
 
 

@@ -5,26 +5,27 @@ from hydroviews.cli.starting import begin
 if __name__ == "__main__":
     begin()
 
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 import tyro
+from torch import nn
 from tqdm import tqdm
 
 from baselines.derain_nerf.raindrop_attention.config import CONFIGS, TrainingConfig
 from baselines.derain_nerf.raindrop_attention.detection import detect
 from baselines.derain_nerf.raindrop_attention.network import DerainGenerator
 from baselines.derain_nerf.raindrop_attention.pairs import KINDS, Patches, ValidationPicture, lenses, validation_set
-from baselines.derain_nerf.raindrop_attention.training import AttentionTraining, train
+from baselines.derain_nerf.raindrop_attention.training import AttentionTraining
 from baselines.derain_nerf.raindrop_attention.validation import as_columns, scores, table
-from baselines.derain_nerf.raindrop_attention.weights import load_detector, save_generator
-from baselines.training.network_commands import WEIGHTS, in_words, load_trained, require_own_files, rounded, use_threads
-from baselines.training.supervised_training import Intervals, network_fingerprint
-from baselines.training.validation import as_json
+from baselines.derain_nerf.raindrop_attention.weights import FILES, load_detector
+from baselines.supervised import commands as supervised
+from baselines.supervised.training import Validate
+from baselines.supervised.validation import as_json
+from baselines.supervised.weights import NetworkFiles
 from hydroviews.cli.commands import run_command
-from hydroviews.files.atomic import write_json
 from hydroviews.files.ownership import require_ours
 from hydroviews.formats.photographs import one_by_one
 from hydroviews.pairs.lens_pool import LENSES
@@ -37,69 +38,61 @@ VALIDATION_SEED = 1000  # of lenses and rain of the validation, whatever the tra
 
 
 @dataclass(frozen=True)
-class TrainingRequest:
-    """A training."""
+class TrainingRequest(supervised.TrainingRequest):
+    """A training of the network that finds and removes raindrops."""
 
     photographs: Path  # folder of clean photographs; every tenth by name is held out
     network: Literal["small", "paper"] = "small"
     seed: int = 0
     steps: int = 0  # 0: the configuration's number
     cache: Path = CACHE  # folder for baked lenses
-    out: Path = Path("results/raindrop-attention/small")  # folder of checkpoint, curve, weights and data card
-    intervals: tyro.conf.OmitArgPrefixes[Intervals] = field(default_factory=Intervals)
-    threads: int = 0  # 0: one per core
-    workers: int = 0  # processes that draw patches ahead
+    # Folder of checkpoint, curve, weights and data card.
+    out: Path = field(default=Path("results/raindrop-attention/small"), kw_only=True)
     watched: int = 4  # held-out photographs of the validations while training
-    validated: int = 0  # held-out photographs of the last validation, 0 for all
+
+    files: ClassVar[NetworkFiles] = FILES
 
     def training(self) -> TrainingConfig:
         """The configuration of the network, with the request's seed and steps."""
         config = CONFIGS[self.network]
         return replace(config, seed=self.seed, steps=self.steps or config.steps)
 
+    def begin(self) -> AttentionTraining:
+        """See supervised.TrainingRequest."""
+        return AttentionTraining(self.training())
+
+    def described(self) -> str:
+        """See supervised.TrainingRequest."""
+        photographs = supervised.in_words(split_photographs(self.photographs).training, self.photographs)
+        return f"{photographs}; {LENSES} wet lenses a frame, and mist alone"
+
+    def batches(self) -> Patches:
+        """See supervised.TrainingRequest."""
+        config, files = self.training(), split_photographs(self.photographs).training
+        drawn = DrawnRain(read_photographs(files), lenses(self.cache, config.seed), KINDS)
+        return Patches(drawn, config.patch, config.crops, config.batch, config.seed)
+
+    def validation(self) -> Validate:
+        """See supervised.TrainingRequest."""
+        pictures = _held_out(self.photographs, self.cache, self.watched)
+        return lambda generator: as_columns(scores(generator, pictures))
+
+    def judged(self, network: nn.Module) -> tuple[dict[str, Any], str]:
+        """See supervised.TrainingRequest."""
+        assert isinstance(network, DerainGenerator)
+        rows = scores(network, _held_out(self.photographs, self.cache, self.validated))
+        names = [file.name for file in split_photographs(self.photographs).held_out]
+        return {"held out": names, "validation": as_json(rows, decimals=4)}, table(rows)
+
 
 def train_command(request: tyro.conf.OmitArgPrefixes[TrainingRequest]) -> None:
     """Train a network, write its weights and data card; an interrupted command resumes when repeated."""
-    use_threads(request.threads)
-    require_own_files(request.out)
-    config, split = request.training(), split_photographs(request.photographs)
-    drawn = DrawnRain(read_photographs(split.training), lenses(request.cache, config.seed), KINDS)
-    patches = Patches(drawn, config.patch, config.crops, config.batch, config.seed)
-    pictures = _held_out(request.photographs, request.cache, request.watched)
-
-    def validate(generator: DerainGenerator) -> dict[str, float]:
-        return as_columns(scores(generator, pictures))
-
-    training = train(request.out, config, patches, described(request), validate, request.intervals, request.workers)
-    write_weights(request, training)
+    supervised.train_network(request)
 
 
 def export_command(request: tyro.conf.OmitArgPrefixes[TrainingRequest]) -> None:
     """Write weights and data card of an unfinished training; settings as for `train`."""
-    use_threads(request.threads)
-    training = AttentionTraining(request.training())
-    load_trained(training, request.out, network_fingerprint(training.config, described(request)))
-    write_weights(request, training)
-
-
-def write_weights(request: TrainingRequest, training: AttentionTraining) -> None:
-    """Validate on held-out photographs, and write weights and data card."""
-    training.averaged.load_state_dict(rounded(training.averaged.state_dict()))
-    rows = scores(training.averaged, _held_out(request.photographs, request.cache, request.validated))
-    settings = asdict(training.config)
-    generator = settings.pop("generator")
-    card: dict[str, Any] = {
-        "data": described(request),
-        "steps": training.iteration,
-        "seconds": round(training.seconds),
-        "training": settings,
-        "held out": [file.name for file in split_photographs(request.photographs).held_out],
-        "validation": as_json(rows, decimals=4),
-    }
-    path = request.out / WEIGHTS
-    save_generator(path, training.config.generator, training.averaged.state_dict(), card)
-    write_json(path.with_suffix(".json"), {"generator": generator, **card})
-    print(table(rows), f"\nwritten: {path}")
+    supervised.export_network(request)
 
 
 def validate_command(photographs: Path, weights: str = "small", cache: Path = CACHE) -> None:
@@ -110,7 +103,7 @@ def validate_command(photographs: Path, weights: str = "small", cache: Path = CA
         weights: name of shipped weights, or a file.
         cache: folder for baked lenses.
     """
-    print(table(scores(load_detector(weights).generator, _held_out(photographs, cache))))
+    print(table(scores(load_detector(weights), _held_out(photographs, cache))))
 
 
 def detect_command(pictures: tyro.conf.Positional[Path], out: Path, weights: str = "small") -> None:
@@ -124,18 +117,12 @@ def detect_command(pictures: tyro.conf.Positional[Path], out: Path, weights: str
     Raises:
         InputError: a picture that cannot be read, or a file of another origin that would be written over.
     """
-    generator, targets = load_detector(weights).generator, one_by_one(pictures, out)
+    generator, targets = load_detector(weights), one_by_one(pictures, out)
     require_ours(targets.values())
     for file, target in tqdm(targets.items(), desc="detecting", unit="picture"):
         image = read_image(file)
         attention, derained = detect(image, generator)
         write_png(target, np.hstack([image, attention[..., None].repeat(3, axis=2), derained]))
-
-
-def described(request: TrainingRequest) -> str:
-    """The data in words, for checkpoint and card."""
-    photographs = in_words(split_photographs(request.photographs).training, request.photographs)
-    return f"{photographs}; {LENSES} wet lenses a frame, and mist alone"
 
 
 def _held_out(photographs: Path, cache: Path, count: int = 0) -> list[ValidationPicture]:

@@ -3,9 +3,8 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
-from baselines.training.numbers import require_numbers
+from baselines.supervised.config import SupervisedConfig
 
-Precision = Literal["float32", "bfloat16"]
 Perceptual = Literal["alex", "vgg"]
 
 
@@ -36,41 +35,25 @@ class DiscriminatorConfig:
 class LossConfig:
     """Weights of the losses, those of Qian et al. 2018."""
 
-    attention_decay: float = 0.8  # theta: map t of N counts theta^(N - t)
-    scales: tuple[float, float, float] = (0.6, 0.8, 1.0)  # lambda, at a fourth, a half and the whole resolution
     perceptual: Perceptual = "vgg"
     perceptual_weight: float = 1.0
     adversarial: float = 0.01
-    discriminator_map: float = 0.05  # gamma
 
 
-@dataclass(frozen=True)
-class TrainingConfig:
-    """Everything but the data that the trained weights depend on."""
+@dataclass(frozen=True, kw_only=True)
+class TrainingConfig(SupervisedConfig):
+    """Both networks, their losses, and how pictures are used."""
 
     generator: GeneratorConfig = field(default_factory=GeneratorConfig)
     discriminator: DiscriminatorConfig = field(default_factory=DiscriminatorConfig)
     losses: LossConfig = field(default_factory=LossConfig)
-    steps: int = 100_000
-    patch: int = 224  # pixels along a side
     crops: int = 1  # patches cut from one drawn picture
-    batch: int = 4  # drawn pictures a step
     removal_every: int = 1  # steps; in those between the attention alone learns, which is cheaper
-    rate: float = 2e-4  # of Adam (Kingma and Ba 2015), after the warm-up
-    final_rate: float = 1e-6  # at the end of the cosine
-    warm_up: int = 100  # steps in which the rate rises linearly
-    clip: float = 1.0  # largest norm of a step's gradient
-    averaging: float = 0.999  # what the average of the generator's weights keeps of itself in a step
-    precision: Precision = "float32"  # of convolutions in training; weights are float32 in both
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        require_numbers(self)
 
 
 SMALL_GENERATOR = GeneratorConfig(attention_width=32, attention_blocks=3, attention_stride=2, width=24, residual=True)
 CONFIGS = {
-    "paper": TrainingConfig(),
+    "paper": TrainingConfig(steps=100_000, patch=224, rate=2e-4, warm_up=100),
     "small": TrainingConfig(
         generator=SMALL_GENERATOR,
         discriminator=DiscriminatorConfig(stride=4, widths=(16, 32, 32), reduced=(32, 16), pooled=2, hidden=64),
@@ -81,6 +64,7 @@ CONFIGS = {
         batch=2,
         removal_every=4,
         rate=2e-3,
+        warm_up=100,
         averaging=0.998,
         precision="bfloat16",
     ),

@@ -13,6 +13,9 @@ from baselines.derain_nerf.raindrop_attention.discriminator import Judgement
 from baselines.derain_nerf.raindrop_attention.network import Derained
 from hydroviews.metrics.lpips import activations
 
+# Of Qian et al. 2018: map t of N counts DECAY^(N - t); weights at a fourth, a half and the whole resolution; gamma.
+DECAY, SCALES, MAP_WEIGHT = 0.8, (0.6, 0.8, 1.0), 0.05
+
 
 class GeneratorLosses(NamedTuple):
     """Each a scalar."""
@@ -41,21 +44,21 @@ def generator_losses(
         config: weights.
     """
     return GeneratorLosses(
-        attention_loss(found.maps, cover, config.attention_decay),
-        scale_loss(found.frames, clean, config.scales),
+        attention_loss(found.maps, cover),
+        scale_loss(found.frames, clean),
         perceptual_loss(found.frames.whole, clean, config.perceptual),
         adversarial_loss(judged.real),
     )
 
 
-def attention_loss(maps: Sequence[Tensor], cover: Tensor, decay: float) -> Tensor:
+def attention_loss(maps: Sequence[Tensor], cover: Tensor, decay: float = DECAY) -> Tensor:
     """Sum over t of decay^(N - t) MSE(A_t, M), M averaged over areas to the maps' resolution."""
     target = functional.adaptive_avg_pool2d(cover, (maps[0].shape[-2], maps[0].shape[-1]))
     last = len(maps) - 1
     return torch.stack([decay ** (last - t) * functional.mse_loss(a, target) for t, a in enumerate(maps)]).sum()
 
 
-def scale_loss(frames: Frames, clean: Tensor, weights: Sequence[float]) -> Tensor:
+def scale_loss(frames: Frames, clean: Tensor, weights: Sequence[float] = SCALES) -> Tensor:
     """Sum of weighed MSE at a fourth, a half and the whole resolution."""
     pairs = zip(weights, frames, frames_of(clean), strict=True)
     return torch.stack([weight * functional.mse_loss(found, target) for weight, found, target in pairs]).sum()
@@ -78,7 +81,7 @@ def adversarial_loss(logits: Tensor) -> Tensor:
     return -functional.softplus(logits).mean()
 
 
-def discriminator_loss(derained: Judgement, real: Judgement, attention: Tensor, gamma: float) -> Tensor:
+def discriminator_loss(derained: Judgement, real: Judgement, attention: Tensor, gamma: float = MAP_WEIGHT) -> Tensor:
     """-log D(R) - log(1 - D(O)) + gamma (MSE(D_map(O), A_N) + MSE(D_map(R), 0)).
 
     Args:

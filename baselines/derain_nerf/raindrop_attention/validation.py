@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from baselines.derain_nerf.raindrop_attention.detection import detect
 from baselines.derain_nerf.raindrop_attention.network import DerainGenerator
 from baselines.derain_nerf.raindrop_attention.pairs import ValidationPicture
-from baselines.training.validation import average_precision, measure_by_kind
+from baselines.supervised.validation import average_precision, measure_by_kind
 from hydroviews.formats.tables.markdown import markdown_table
 from hydroviews.metrics import psnr
 

@@ -31,6 +31,14 @@ class StepOptions:
     noise: PositionNoise | None = None
 
 
+@dataclass(frozen=True, kw_only=True)
+class Refinement:
+    """When strategies add and remove Gaussians; the defaults are those of Kerbl et al. 2023 and of 3DGS-MCMC."""
+
+    start: int = 500  # first iteration with a refinement
+    every: int = 100  # iterations between two refinements
+
+
 def refinement_due(iteration: int, start: int, stop: int, every: int) -> bool:
     """Whether step `iteration` ends a round of `every` steps, from `start` steps on and before `stop`."""
     done = iteration + 1

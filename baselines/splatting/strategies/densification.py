@@ -12,15 +12,16 @@ from baselines.splatting.gaussians import Gaussians, join
 from baselines.splatting.kernels.splats.position_gradients import add_position_gradients
 from baselines.splatting.schedule import Stream, random_stream
 from baselines.splatting.state import TrainingState
-from baselines.splatting.strategies.base import StepOptions, refinement_due
+from baselines.splatting.strategies.base import Refinement, StepOptions, refinement_due
 from hydroviews.scene.quaternions import rotation_matrices
 
 SPLIT_INTO = 2
+RESET_TO = 0.01  # highest opacity after a reset (Kerbl et al. 2023)
 SHRINK = 1.6  # a split Gaussian's parts are smaller by this factor
 
 
 @dataclass(frozen=True)
-class DefaultStrategy:
+class DefaultStrategy(Refinement):
     """When and where to grow. Iterations count from 0; lengths are shares of the scene extent.
 
     The default numbers are those of Kerbl et al. 2023 (section 5.2); this is what differs from their code.
@@ -35,9 +36,7 @@ class DefaultStrategy:
         ValueError: opacities that are reset to what is removed.
     """
 
-    start: int = 500  # first iteration with a refinement
     stop: int = 15_000  # iteration from which there is no refinement
-    every: int = 100  # iterations between two refinements
     budget: int = 5_000_000  # largest number of Gaussians
     growth: float = 10.0  # largest share of the present number that one refinement adds
     grow_grad2d: float = 2e-4  # mean gradient by the normalised image position above which a Gaussian is too coarse
@@ -46,11 +45,10 @@ class DefaultStrategy:
     prune_opacity: float = 0.005  # Gaussians with a smaller opacity are removed
     prune_scale3d: float = 0.1  # Gaussians with a larger scale are removed
     reset_every: int | None = 3000  # iterations between two opacity resets; None for never
-    reset_to: float = 0.01  # highest opacity after a reset
 
     def __post_init__(self) -> None:
-        if self.reset_every is not None and self.reset_to <= self.prune_opacity:
-            raise ValueError("a reset to prune_opacity or less would remove every Gaussian: reset_to must be larger")
+        if self.reset_every is not None and self.prune_opacity >= RESET_TO:
+            raise ValueError(f"a reset to {RESET_TO} would remove every Gaussian: prune_opacity must be smaller")
 
     def step_options(self, iteration: int, means_lr: float, extent: float, seed: int) -> StepOptions:
         """See Strategy: gradients are added up while Gaussians may still be added."""
@@ -141,7 +139,7 @@ def offsets(gaussians: Gaussians, generator: np.random.Generator) -> NDArray[np.
 
 def reset_opacity(state: TrainingState, strategy: DefaultStrategy) -> TrainingState:
     """Make everything nearly transparent, so that only what the views ask for comes back; clears those moments."""
-    ceiling = np.float32(np.log(strategy.reset_to / (1 - strategy.reset_to)))
+    ceiling = np.float32(np.log(RESET_TO / (1 - RESET_TO)))
     lowered = np.minimum(state.gaussians.opacity_logits, ceiling)
     none = np.zeros_like(lowered)
     return replace(

@@ -24,7 +24,6 @@ class Pruning:
 
     at: tuple[float, ...] = (0.8,)  # shares of the iterations at which Gaussians are removed
     share: float = 0.0  # share of the Gaussians that is removed: those with the smallest sum of weights
-    threshold: float = 0.0  # Gaussians with a smaller sum of weights over all training views are removed too
     budget: int | None = None  # number of Gaussians at the end; every round removes an equal part of the surplus
 
     def due(self, iteration: int, iterations: int) -> bool:
@@ -66,7 +65,7 @@ def prune(state: TrainingState, weights: NDArray[np.float64], pruning: Pruning, 
         pruning: the settings.
         left: rounds of pruning that are left, this one included.
     """
-    keep = weights >= pruning.threshold
+    keep = np.ones(len(weights), np.bool_)
     surplus = 0 if pruning.budget is None else max(0, len(weights) - pruning.budget)
     removed = max(int(pruning.share * len(weights)), -(-surplus // left))
     keep[np.argsort(weights, kind="stable")[:removed]] = False

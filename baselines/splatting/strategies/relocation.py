@@ -15,7 +15,7 @@ from baselines.splatting.kernels.mcmc import move_by_noise, penalty_gradients
 from baselines.splatting.rasterizer import ShapeGradients
 from baselines.splatting.schedule import Stream, random_stream
 from baselines.splatting.state import TrainingState, opacities
-from baselines.splatting.strategies.base import PositionNoise, StepOptions, refinement_due
+from baselines.splatting.strategies.base import PositionNoise, Refinement, StepOptions, refinement_due
 from baselines.splatting.strategies.densification import offsets
 
 PAPER_EXTENT = 5.0  # of the paper's captures (Mip-NeRF 360 bonsai: 5.03); its noise and penalty have their lengths
@@ -24,15 +24,13 @@ HIGHEST_OPACITY = 1 - float(np.finfo(np.float32).eps)
 
 
 @dataclass(frozen=True)
-class MCMCStrategy:
+class MCMCStrategy(Refinement):
     """When and how; the defaults are the paper's, whose lengths are those of a scene of extent 5.
 
     Gaussians start as for plain splatting; in the authors' code at an opacity of 0.5, not 0.1, and a tenth as large.
     """
 
-    start: int = 500  # first iteration with a refinement
     stop: int = 25_000  # iteration from which there is no refinement
-    every: int = 100  # iterations between two refinements
     budget: int = 1_000_000  # largest number of Gaussians
     growth: float = 0.05  # share of the present number that one refinement adds
     dead: float = 0.005  # Gaussians with a smaller opacity are relocated

@@ -14,6 +14,9 @@ from baselines.volumetric.fields.encodings import HARMONICS, harmonics, linear, 
 from baselines.volumetric.fields.hash_grid import HashGrid
 
 LARGEST = 12.0  # of the logarithm of a density
+DENSITY_FEATURES = 15  # from the density to the colour network of a hash grid (Mueller et al. 2022, section 5.4)
+PROPOSAL_HIDDEN = 16  # units of the hidden layer of a proposal network
+DIRECTION_OCTAVES = 4  # of NeRF (Mildenhall et al. 2020, section 5.1)
 
 
 class Field(Protocol):
@@ -42,11 +45,11 @@ class HashField(nn.Module):
 
     def __init__(self, config: HashFieldConfig, embedding_size: int, generator: torch.Generator, channels: int = 3):
         super().__init__()
-        hidden, self.features = config.hidden, config.features
+        hidden, self.features = config.hidden, DENSITY_FEATURES
         self.grid = HashGrid(config.grid, generator)
         self.inner = linear(self.grid.width, hidden, generator)
-        self.outer = linear(hidden, 1 + config.features, generator)
-        self.entry = linear(config.features, hidden, generator)
+        self.outer = linear(hidden, 1 + DENSITY_FEATURES, generator)
+        self.entry = linear(DENSITY_FEATURES, hidden, generator)
         self.ray_entry = linear(HARMONICS + embedding_size, hidden, generator, bias=False)
         self.middle = nn.ModuleList(linear(hidden, hidden, generator) for _ in range(config.colour_layers - 1))
         self.exit = linear(hidden, channels, generator)
@@ -72,8 +75,8 @@ class ProposalNetwork(nn.Module):
     def __init__(self, config: HashFieldConfig, generator: torch.Generator):
         super().__init__()
         self.grid = HashGrid(config.proposal_grid, generator)
-        self.inner = linear(self.grid.width, config.proposal_hidden, generator)
-        self.outer = linear(config.proposal_hidden, 1, generator)
+        self.inner = linear(self.grid.width, PROPOSAL_HIDDEN, generator)
+        self.outer = linear(PROPOSAL_HIDDEN, 1, generator)
 
     def density(self, points: Tensor) -> Tensor:
         """Density [R, S] at points [R, S, 3] of the unit cube."""
@@ -86,28 +89,29 @@ class MlpField(nn.Module):
 
     def __init__(self, config: MlpFieldConfig, embedding_size: int, generator: torch.Generator, channels: int = 3):
         super().__init__()
-        self._config, self.features = config, config.width
+        self._octaves, self.features = config.position_octaves, config.width
+        self._skip = config.depth // 2  # layers after which the encoded position is added again
         width, position = config.width, 3 * (1 + 2 * config.position_octaves)
-        inputs = [position] + [width + position * (layer == config.skip) for layer in range(1, config.depth)]
+        inputs = [position] + [width + position * (layer == self._skip) for layer in range(1, config.depth)]
         self.trunk = nn.ModuleList(linear(size, width, generator) for size in inputs)
         self.density = linear(width, 1, generator)
         self.final = linear(width, width, generator)
         self.entry = linear(width, width // 2, generator)
-        direction = 3 * (1 + 2 * config.direction_octaves)
+        direction = 3 * (1 + 2 * DIRECTION_OCTAVES)
         self.ray_entry = linear(direction + embedding_size, width // 2, generator, bias=False)
         self.exit = linear(width // 2, channels, generator)
 
     def geometry(self, points: Tensor) -> tuple[Tensor, Tensor]:
         """See Field."""
-        encoded = positional(2 * points - 1, self._config.position_octaves)
+        encoded = positional(2 * points - 1, self._octaves)
         hidden = encoded
         for index, layer in enumerate(self.trunk):
-            hidden = torch.cat([hidden, encoded], -1) if index == self._config.skip else hidden
+            hidden = torch.cat([hidden, encoded], -1) if index == self._skip else hidden
             hidden = layer(hidden).relu_()
         return nn.functional.softplus(self.density(hidden)[..., 0]), self.final(hidden)
 
     def colour(self, features: Tensor, directions: Tensor, embeddings: Tensor | None = None) -> Tensor:
         """See Field."""
-        encoded = positional(directions, self._config.direction_octaves)
+        encoded = positional(directions, DIRECTION_OCTAVES)
         ray = encoded if embeddings is None else torch.cat([encoded, embeddings], 1)
         return torch.sigmoid(self.exit((self.entry(features) + self.ray_entry(ray)[:, None]).relu_()))

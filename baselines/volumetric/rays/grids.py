@@ -10,22 +10,22 @@ from baselines.volumetric.rays.batches import Batch, Draw, TrainingPixels
 from baselines.volumetric.rays.spaces import Space
 from hydroviews.scene.seeds import generator
 
+SMALLEST_SCALE = 0.5  # smallest side of a grid, as a share of the photograph's side (Ha-NeRF's and CR-NeRF's authors)
 
-def side_of_grids(rays: int, photographs: int, min_scale: float) -> int:
+
+def side_of_grids(rays: int, photographs: int) -> int:
     """Rays on a side of a photograph's grid, where a step has so many rays in so many photographs.
 
     Raises:
-        ValueError: they make no square in each; min_scale, the smallest side of a grid, is no share of a photograph's.
+        ValueError: they make no square in each.
     """
     side = isqrt(rays // max(1, photographs))
     if photographs < 1 or side**2 * photographs != rays:
         raise ValueError(f"{rays} rays a step in {photographs} photographs: expected a square of rays in each")
-    if not 0 < min_scale <= 1:
-        raise ValueError(f"min_scale {min_scale}: expected a share of the photograph's side")
     return side
 
 
-def grids(photographs: int, side: int, min_scale: float) -> Draw:
+def grids(photographs: int, side: int) -> Draw:
     """How a step's pixels are drawn: `photographs` views, all of them in turn, and `side` x `side` pixels of each."""
 
     def draw(pixels: TrainingPixels, seed: int, iteration: int, rays: int, space: Space, device: torch.device) -> Batch:
@@ -34,7 +34,7 @@ def grids(photographs: int, side: int, min_scale: float) -> Draw:
         parts = []
         for view in visited:
             height, width = pixels.images.pixels(int(view)).shape[:2]
-            parts.append(grid(height, width, side, min_scale, random))
+            parts.append(grid(height, width, side, SMALLEST_SCALE, random))
         rows, columns = np.concatenate(parts, axis=1)
         return pixels.at(np.repeat(visited, side**2), rows, columns, space, device)
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from itertools import zip_longest
 from pathlib import Path
 
-from baselines.training.network_commands import in_words
+from baselines.supervised.commands import in_words
 from deraings.enhancement.training.config import TrainingConfig
 from deraings.enhancement.training.pair_folders import PairFolder, find_pairs
 from deraings.enhancement.training.pairs import MISTED, Pairs

@@ -4,13 +4,15 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-SMOOTH = 16  # pixels along a side of the squares whose mean errors count
+SQUARE = 16  # pixels along a side of the squares whose mean errors count
+SMOOTH = 1.0  # weight of these means beside the error of pixels
+FLOOR = 0.1  # added to the mean absolute error by rain that a picture's loss is a share of
 OVERLAP = 0.3  # weight of the cover's overlap beside its cross entropy
 FEW = 50.0  # pixels, covered where nothing is, so that a false one does not cost all of the overlap
 
 
 def enhancement_loss(
-    enhanced: Tensor, clean: Tensor, rainy: Tensor, frequency: float, smooth: float, floor: float
+    enhanced: Tensor, clean: Tensor, rainy: Tensor, frequency: float, smooth: float = SMOOTH, floor: float = FLOOR
 ) -> Tensor:
     """Absolute error of pixels, of squares and of Fourier coefficients, as a share of what rain did to each picture.
 
@@ -36,7 +38,7 @@ def enhancement_loss(
     if frequency > 0:
         size = size + frequency * torch.fft.rfft2(error, norm="ortho").abs().mean(dim=(1, 2, 3))
     if smooth > 0:
-        size = size + smooth * functional.avg_pool2d(error, SMOOTH, ceil_mode=True).abs().mean(dim=(1, 2, 3))
+        size = size + smooth * functional.avg_pool2d(error, SQUARE, ceil_mode=True).abs().mean(dim=(1, 2, 3))
     rain = (rainy - clean).abs().mean(dim=(1, 2, 3))
     return (size / (rain + floor)).mean()
 

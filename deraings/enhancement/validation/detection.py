@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from baselines.training.validation import average_precision
+from baselines.supervised.validation import average_precision
 from deraings.image_planes import Plane
 
 

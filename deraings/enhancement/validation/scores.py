@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import spearmanr
 
-from baselines.training.validation import measure_by_kind
+from baselines.supervised.validation import measure_by_kind
 from deraings.enhancement.architecture.lenses import Lens, lenses_of_capture
 from deraings.enhancement.architecture.network import EnhancementNetwork
 from deraings.enhancement.clear_pixels import DROPS, STREAKS

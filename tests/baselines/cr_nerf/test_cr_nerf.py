@@ -15,7 +15,7 @@ from baselines.training.images import TrainingImages
 from baselines.volumetric.compositing import INFINITE
 from baselines.volumetric.rays.photographs import as_seen
 
-STYLE = StyleConfig(channels=(8, 8, 16), side=24, map_side=6, rate=5e-3)
+STYLE = StyleConfig(channels=(8, 8, 16), side=24, rate=5e-3)
 TRANSIENTS = TransientConfig(
     channels=8,
     dilations=(1, 2),
@@ -23,11 +23,10 @@ TRANSIENTS = TransientConfig(
     rate=1e-2,
     at_first=0.05,
     price=1.0,
-    price_at_first=1.0,
     relative=True,
     typical="mean",
 )
-TRANSFORM = TransformConfig(size=8, hidden=(16,), rate=2e-3)
+TRANSFORM = TransformConfig(size=8, hidden=(16,))
 CONFIG = CrNerfConfig(balls.SHORT, 8, STYLE, TRANSFORM, TRANSIENTS, photographs=16)
 
 

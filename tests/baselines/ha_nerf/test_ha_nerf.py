@@ -15,7 +15,7 @@ from baselines.volumetric.model import Rendering, Samples
 
 LOOK = LookConfig(size=8, channels=(8, 16, 16), side=24, rate=2e-3)
 VISIBILITY = VisibilityConfig(
-    code=16, octaves=4, width=32, layers=2, rate=1e-2, at_first=0.05, price=3.5, price_at_first=3.5, relative=True
+    code=16, octaves=4, width=32, layers=2, rate=1e-2, at_first=0.05, price=3.5, relative=True
 )
 CONFIG = HaNerfConfig(balls.SMALL, LOOK, VISIBILITY, photographs=16)
 

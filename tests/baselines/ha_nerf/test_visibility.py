@@ -10,7 +10,7 @@ from baselines.ha_nerf.config import VisibilityConfig
 from baselines.ha_nerf.visibility import Visibility
 
 CONFIG = VisibilityConfig(code=8, octaves=4, width=16, layers=2)
-RELATIVE = replace(CONFIG, price=3.5, price_at_first=3.5, price_fall=0.0, relative=True)
+RELATIVE = replace(CONFIG, price=3.5, relative=True)
 
 
 @pytest.mark.parametrize("at_first", [0.05, 0.5])

@@ -10,7 +10,7 @@ from baselines.masking.rays import GREY, LEAST, PriceConfig, Running, price_of_m
 from baselines.training.checkpoints import read_arrays, write_arrays
 from baselines.training.torch_state import module_arrays, restore_module
 
-RELATIVE = PriceConfig(price=3.5, price_at_first=3.5, price_fall=0.0, relative=True)
+RELATIVE = PriceConfig(price=3.5, relative=True)
 
 
 def test_a_free_mask_settles_where_its_price_says():

@@ -17,7 +17,7 @@ BOX = Box(np.array([0.5, -1.0, 2.0]), np.array([3.0, 4.0, 5.0]), UNIT)
 
 def medium(extinction=None, samples=32, cells=6, box=BOX):
     """In float64; of the same extinction everywhere, per unit."""
-    made = Medium(MediumConfig(cells=cells, samples=samples), box, 0).double()
+    made = Medium(MediumConfig(cells=cells), box, 0, samples).double()
     if extinction is not None:
         with torch.no_grad():
             made.field.fill_(0.3)

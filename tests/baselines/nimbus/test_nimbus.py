@@ -25,7 +25,6 @@ GROWTH = DefaultStrategy(
 )
 SPLATTING = TrainerConfig(iterations=500, sh_degree=0, strategy=GROWTH, device="cpu", resolutions=((0.2, 2),))
 MEDIUM = MediumConfig(cells=12, rate=0.02, renewed=100, dark=0.05, ray_shrink=2)
-NO_MEDIUM, NO_RESIDUAL = MediumConfig(used=False), ResidualConfig(used=False)
 BRIEF = NimbusConfig(
     replace(SPLATTING, iterations=16, checkpoint_seconds=0.0),
     replace(MEDIUM, first=0.2, renewed=3, least=0.0),
@@ -66,7 +65,7 @@ def in_specks(scene, folder):
 def test_haze_stays_out_of_the_scene(tmp_path):
     scene = photographed(tmp_path, n_views=16)
     hazy = in_haze(scene, tmp_path / "hazy")
-    config = NimbusConfig(SPLATTING, MEDIUM, NO_RESIDUAL)
+    config = NimbusConfig(SPLATTING, MEDIUM, None)
     plain = fitted(GaussianSplatting, SPLATTING, hazy, tmp_path / "plain")
     ours = fitted(Nimbus, config, hazy, tmp_path / "nimbus")
     assert psnr(ours, scene.test_views) > psnr(plain, scene.test_views) + 1
@@ -78,7 +77,7 @@ def test_haze_stays_out_of_the_scene(tmp_path):
 
 def test_clear_air_has_no_medium(tmp_path):
     scene = photographed(tmp_path, n_views=16)
-    ours = fitted(Nimbus, NimbusConfig(SPLATTING, MEDIUM, NO_RESIDUAL), scene, tmp_path / "nimbus")
+    ours = fitted(Nimbus, NimbusConfig(SPLATTING, MEDIUM, None), scene, tmp_path / "nimbus")
     plain = fitted(GaussianSplatting, SPLATTING, scene, tmp_path / "plain")
     assert psnr(ours, scene.test_views) > psnr(plain, scene.test_views) - 1
     assert "medium none" in ours.summary().used
@@ -90,7 +89,7 @@ def test_specks_stay_out_of_the_scene(tmp_path):
     scene = photographed(tmp_path, n_views=16)
     shown = in_specks(scene, tmp_path / "specks")
     plain = fitted(GaussianSplatting, SPLATTING, shown, tmp_path / "plain")
-    ours = fitted(Nimbus, NimbusConfig(SPLATTING, NO_MEDIUM), shown, tmp_path / "nimbus")
+    ours = fitted(Nimbus, NimbusConfig(SPLATTING, None), shown, tmp_path / "nimbus")
     assert psnr(ours, scene.test_views) > psnr(plain, scene.test_views) + 0.5
     size = scene.views[0].camera.height, scene.views[0].camera.width
     view = scene.views.index(scene.train_views[0])
@@ -106,7 +105,7 @@ def test_gradients_are_those_of_the_loss(tmp_path):
     Along others what is left of a slope is no more than the kinks of L1 that a step meets.
     """
     scene = photographed(tmp_path, n_views=3)
-    config = NimbusConfig(SPLATTING, replace(MEDIUM, dark=0.5, variation=0.0), NO_RESIDUAL)
+    config = NimbusConfig(SPLATTING, replace(MEDIUM, dark=0.5, variation=0.0), None)
     rng, step = np.random.default_rng(0), 1e-3
     start = rng.random((36, 48, 3)).astype(np.float32)
 

@@ -19,16 +19,14 @@ def photograph(places, value=0.9):
 
 def test_a_pixel_is_the_residuals_if_it_is_off_by_more_than_the_threshold():
     picture = photograph([(0, 1)])
-    picture[1, 2] = 0.2
+    picture[1, 2] = 0.2  # darker than expected
     picture[2, 3] = 0.59  # below the threshold
     picture[3, 4] = (0.8, 0.5, 0.5)  # a tenth in the mean is not beyond
     picture[3, 5] = (0.81, 0.5, 0.51)
-    found = beyond(picture, GREY, 0.1, signed=True)
-    assert sorted(zip(*np.nonzero(found), strict=True)) == [(0, 1), (1, 2), (3, 5)]
-    assert sorted(zip(*np.nonzero(beyond(picture, GREY, 0.1, signed=False)), strict=True)) == [(0, 1), (3, 5)]
+    assert sorted(zip(*np.nonzero(beyond(picture, GREY, 0.1)), strict=True)) == [(0, 1), (3, 5)]
     hidden = np.zeros((4, 6), bool)
     hidden[0, 1] = True
-    assert not beyond(picture, GREY, 0.1, True, hidden)[0, 1]
+    assert not beyond(picture, GREY, 0.1, hidden)[0, 1]
 
 
 def test_it_begins_after_a_while_and_is_made_anew_when_due():
@@ -41,7 +39,7 @@ def test_it_begins_after_a_while_and_is_made_anew_when_due():
     assert not residuals.of(GREY, GREY, 0, 30, None).any()
     assert residuals.of(photograph([(0, 0)])[::2, ::2], GREY[::2, ::2], 0, 31, None).shape == (2, 3)  # another size
     assert residuals.share == pytest.approx(1 / 6)
-    assert Residuals(ResidualConfig(used=False), 2, 100).of(GREY, GREY, 0, 99, None) is None
+    assert Residuals(None, 2, 100).of(GREY, GREY, 0, 99, None) is None
 
 
 def test_a_residual_that_eats_everything_is_said_once(caplog):

@@ -22,7 +22,7 @@ from baselines.volumetric.rays.rays import camera_rays
 
 VOLUMETRIC = replace(balls.SMALL, iterations=180)
 CONFIG = OccNerfConfig(VOLUMETRIC, VOLUMETRIC.field, gap=0.35, alone=0.1, depth_weight=0.1)
-SHORT = replace(CONFIG, volumetric=replace(balls.SMALL, iterations=20, rays=64, proposal_always=10))
+SHORT = replace(CONFIG, volumetric=replace(balls.SMALL, iterations=20, rays=64, anneal=10))
 COUNT = 40
 
 
@@ -148,9 +148,9 @@ def test_what_is_shown_is_the_background_alone():
 
 
 def test_networks_of_the_paper_are_rendered_at_the_samples_of_both_passes(tmp_path):
-    small = MlpFieldConfig(width=16, depth=3, skip=1, position_octaves=3, direction_octaves=1)
+    small = MlpFieldConfig(width=16, depth=3, position_octaves=3)
     volumetric = replace(SHORT.volumetric, field=small, iterations=6, proposal_samples=12, samples=10, rays=32)
-    config = OccNerfConfig(volumetric, replace(small, depth=4, skip=2))
+    config = OccNerfConfig(volumetric, replace(small, depth=4))
     method = OccNerf(config, 0)
     method.fit(wall.photographed(tmp_path), tmp_path)
     assert method.render(wall.camera(0, 0)).shape == (wall.HEIGHT, wall.WIDTH, 3)

@@ -21,7 +21,6 @@ PUBLISHED_TRAINING = {
     "sh_degree": 3,
     "sh_degree_interval": 1000,
     "lambda_dssim": 0.2,
-    "background": (0.0, 0.0, 0.0),
 }
 PUBLISHED_RATES = {
     "means": 0.00016,
@@ -41,7 +40,6 @@ PUBLISHED_GROWTH = {
     "prune_opacity": 0.005,
     "prune_scale3d": 0.1,
     "reset_every": 3000,
-    "reset_to": 0.01,
 }
 
 

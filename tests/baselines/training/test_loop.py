@@ -17,20 +17,21 @@ from tiny_network import TINY
 from trainings import BUDGETED, CONFIG
 from wet import lens, photograph
 
-from baselines.derain_nerf.raindrop_attention import training as attention
 from baselines.derain_nerf.raindrop_attention.pairs import Patches
+from baselines.derain_nerf.raindrop_attention.training import AttentionTraining
 from baselines.splatting import trainer as splatting
 from baselines.splatting.objective import Objective
+from baselines.supervised.config import Intervals
+from baselines.supervised.training import CURVE, train
 from baselines.training import loop
 from baselines.training.checkpoints import CHECKPOINT, load_checkpoint, save_checkpoint
 from baselines.training.images import read_images
 from baselines.training.learning_curve import LEARNING_CURVE, ROWS
-from baselines.training.supervised_training import CURVE, Intervals
 from baselines.volumetric import trainer as volumetric
 from baselines.volumetric.model import RadianceModel
-from deraings.enhancement.training import loop as enhancement
 from deraings.enhancement.training.config import TrainingConfig
-from deraings.enhancement.training.pairs import Pairs
+from deraings.enhancement.training.pairs import Batches, Pairs
+from deraings.enhancement.training.training import EnhancementTraining
 from hydroviews.pairs.rainy_pairs import DrawnRain
 from leaderboard.site.learning_curves import learning_curves
 
@@ -78,14 +79,16 @@ def weights(*networks):
 def of_enhancement(folder, _, workers=0):
     config = TrainingConfig(network=TINY, steps=5, batch=2, patch=32, warm_up=2, precision="float32")
     pairs = Pairs(drawn(), [], config.patch, config.seed, misted=1)
-    trained = enhancement.train(folder, config, pairs, "drops", lambda _: {"score": 1.0}, INTERVALS, workers=workers)
+    trained = EnhancementTraining(config)
+    train(trained, Batches(pairs, config.batch), folder, "drops", lambda _: {"score": 1.0}, INTERVALS, workers)
     return weights(trained.network, trained.averaged)
 
 
 def of_attention(folder, _):
     config = replace(tiny_attention.TRAINING, steps=5, removal_every=2)
     patches = Patches(drawn(), config.patch, config.crops, config.batch, config.seed)
-    trained = attention.train(folder, config, patches, "drops", lambda _: {"score": 1.0}, INTERVALS)
+    trained = AttentionTraining(config)
+    train(trained, patches, folder, "drops", lambda _: {"score": 1.0}, INTERVALS)
     return weights(trained.generator, trained.discriminator, trained.averaged)
 
 

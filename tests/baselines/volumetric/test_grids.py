@@ -56,7 +56,7 @@ def test_a_step_has_the_pixels_of_its_photograph(tmp_path):
     scene = balls.photographed(tmp_path, n_views=6)
     cameras = [view.camera for view in scene.train_views]
     pixels, space = TrainingPixels(cameras, read_images(scene.train_views)), Contracted((0.0, 0.0, 0.0), 1.0, 0.2, 5.0)
-    batch = grids(4, 8, 0.5)(pixels, 0, 5, 256, space, torch.device("cpu"))
+    batch = grids(4, 8)(pixels, 0, 5, 256, space, torch.device("cpu"))
     views = views_in_turn(0, 5, 4, len(cameras))
     assert batch.views.tolist() == np.repeat(views, 64).tolist()
     random = generator(0, "grid", 5)
@@ -75,9 +75,7 @@ def test_a_step_has_the_pixels_of_its_photograph(tmp_path):
 
 
 def test_rays_that_make_no_square_are_refused():
-    assert side_of_grids(256, 4, 1.0) == 8
+    assert side_of_grids(256, 4) == 8
     for photographs in (0, 2, 300):
         with pytest.raises(ValueError, match=f"256 rays a step in {photographs} photographs"):
-            side_of_grids(256, photographs, 0.5)
-    with pytest.raises(ValueError, match="min_scale 0"):
-        side_of_grids(256, 4, 0.0)
+            side_of_grids(256, photographs)

@@ -21,10 +21,10 @@ from baselines.volumetric.trainer import FieldTrainer
 
 BRIEF = replace(SMALL, iterations=4, rays=32, proposal_samples=8, samples=4, checkpoint_seconds=0.0)
 LOOKS = LookConfig(size=8, channels=(8, 8, 8), side=24), VisibilityConfig(code=8, octaves=2, width=8, layers=1)
-STYLES = StyleConfig(channels=(8, 8, 8), side=24, map_side=6), TransformConfig(size=8, hidden=(8,))
+STYLES = StyleConfig(channels=(8, 8, 8), side=24), TransformConfig(size=8, hidden=(8,))
 METHODS = {
     "plain": (RadianceMethod, BRIEF),
-    "nerf-w": (NerfW, NerfWConfig(BRIEF, appearance=8, transient=8, transient_width=8)),
+    "nerf-w": (NerfW, NerfWConfig(BRIEF, transient_width=8)),
     "ha-nerf": (HaNerf, HaNerfConfig(BRIEF, *LOOKS, photographs=2)),
     "cr-nerf": (
         CrNerf,

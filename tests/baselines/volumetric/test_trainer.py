@@ -17,7 +17,7 @@ from baselines.volumetric.trainer import rate_at, train
 from hydroviews.errors import InputError
 from hydroviews.scene.images import to_uint8
 
-SHORT = replace(SMALL, iterations=30, rays=64, proposal_always=10)
+SHORT = replace(SMALL, iterations=30, rays=64, anneal=10)
 
 
 def fit(scene, config, folder, seed=0, loss=None, **extras):
@@ -46,7 +46,7 @@ def test_a_ball_is_learned(scene, tmp_path):
 
 
 def test_the_network_of_the_papers_learns_too(scene, tmp_path):
-    field = MlpFieldConfig(width=32, depth=4, skip=2, position_octaves=4, direction_octaves=1, rate=1e-2)
+    field = MlpFieldConfig(width=32, depth=4, position_octaves=4, rate=1e-2)
     config = replace(SMALL, field=field, iterations=150, rays=128, proposal_samples=16)
     trained = fit(scene, config, tmp_path)
     mean = np.mean([view.image() for view in scene.train_views], axis=0)

@@ -12,7 +12,9 @@ from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.splats.sh_coefficients import C0
 from baselines.training.images import TrainingImages
 from baselines.wild_gs.appearance import LookAppearance
+from baselines.wild_gs.colours import REST
 from baselines.wild_gs.config import SHORT
+from baselines.wild_gs.triplane import CHANNELS
 
 HEIGHT, WIDTH = 30, 41
 SEEING = replace(SHORT, absent=0.0, local_from=0.0, side=16, lifted=41, shrink=1, box=1.8)  # all of it in every step
@@ -49,7 +51,7 @@ def test_colours_are_what_the_layers_say_of_codes_and_intrinsic_numbers():
     found = colours.added(codes, intrinsic)
     said = colours.colour(torch.cat([codes, intrinsic], dim=1)).reshape(7, 4, 3)
     assert torch.allclose(found[:, 0], said[:, 0] / C0)
-    assert torch.allclose(found[:, 1:], SEEING.rest * said[:, 1:] / C0)
+    assert torch.allclose(found[:, 1:], REST * said[:, 1:] / C0)
 
 
 def test_what_lies_beyond_the_box_shares_one_local_code():
@@ -58,7 +60,7 @@ def test_what_lies_beyond_the_box_shares_one_local_code():
     with torch.no_grad():
         colours.outside.normal_()
     positions = torch.tensor([[0, 0, 0], [0.9, -0.9, 0.5], [1.1, 0, 0], [0, -7, 0]])
-    whole, places = torch.rand(colours.of_whole[0].in_features), torch.rand(4, SEEING.channels)
+    whole, places = torch.rand(colours.of_whole[0].in_features), torch.rand(4, CHANNELS)
     codes = colours.codes(whole, places, positions)
     local = codes[:, SEEING.code :]
     assert torch.allclose(local[:2], colours.of_place(places[:2]))

@@ -23,6 +23,7 @@ from baselines.splatting.rasterizer import render
 from baselines.wild_gs.config import SHORT
 from baselines.wild_gs.mean_look import mean_look
 from baselines.wild_gs.method import WildGS, WildGSConfig
+from baselines.wild_gs.triplane import CHANNELS
 from hydroviews.metrics.psnr import psnr
 from hydroviews.scene.images import write_png
 
@@ -34,8 +35,7 @@ BRIEF = replace(
     box=1.8,
     renewed=50,
     rate_encoder=5e-3,
-    rate_planes=2e-3,
-    rate_colour=2e-3,
+    rate_networks=2e-3,
     rate_intrinsic=1e-2,
     visible_from=0.05,
 )
@@ -125,7 +125,7 @@ def test_the_mean_look_is_that_of_the_views_where_they_agree(alike, monkeypatch)
 
     def places(view, visible, parameters, camera):
         """What lies where, whoever looks."""
-        return parameters["means"].detach().repeat(1, 6)[:, : BRIEF.channels]
+        return parameters["means"].detach().repeat(1, 6)[:, :CHANNELS]
 
     monkeypatch.setattr(appearance, "read", places)
     mean = mean_look(gaussians, appearance, cameras, 0.1, False)

@@ -71,11 +71,6 @@ def test_nothing_is_known_to_stay(rng, seen):
     assert not lens_covers(seen(rng)).stay
 
 
-def test_a_photograph_without_others_is_known_by_its_own_cover(rng):
-    (cover,) = covers(rng, [drop()])
-    np.testing.assert_allclose(lens_covers([cover]).means[0], cover[..., DROPS] / 255, atol=1e-6)
-
-
 def test_what_is_mostly_covered_is_wholly_hidden_and_what_is_hardly_covered_hardly():
     mean = np.linspace(0, 1, 101, dtype=np.float32)[None]
     hidden = hidden_by_drops(mean)
@@ -129,15 +124,3 @@ def test_pictures_of_a_capture_are_cleared_once(rng, tmp_path, monkeypatch):
     assert times == [path.stat().st_mtime_ns for path in again]
     assert np.array_equal(views.training_images(clear=True).pixels(0), (read_image(cleared[0]) * 255).round())
     assert views.training_images(clear=True) is views.training_images(clear=True)  # large: several ask for them
-
-
-def test_to_say_whether_drops_stay_all_are_enhanced_two_at_a_time(tmp_path, monkeypatch):
-    scene = photographed(tmp_path / "scene")
-    names = [view.name for view in scene.train_views]
-    enhancer = Enhancer(EnhancementNetwork(TINY).eval(), {}, "tiny")
-    views = EnhancedViews(read_images(scene.train_views), names, enhancer, tmp_path / "kept")
-    together = []
-    alone = enhanced_views.side_by_side
-    monkeypatch.setattr(enhanced_views, "side_by_side", lambda function, of: together.extend(of) or alone(function, of))
-    assert views.drops_stay in (True, False)
-    assert together == list(range(len(names)))

@@ -14,11 +14,12 @@ from deraings.enhancement.__main__ import (
     train_command,
 )
 from deraings.enhancement.architecture.network import EnhancementNetwork
+from deraings.enhancement.before_after import before_and_after
 from deraings.enhancement.training.config import TrainingConfig
 from deraings.enhancement.training.data import Data, described, started_from
-from deraings.enhancement.weights import save_network
+from deraings.enhancement.weights import FILES
 from hydroviews.errors import InputError
-from hydroviews.scene.images import read_image, write_png
+from hydroviews.scene.images import read_image, to_uint8, write_png
 
 
 def pictures(folder, count: int = 2):
@@ -27,45 +28,26 @@ def pictures(folder, count: int = 2):
         write_png(folder / f"{i}.png", rng.integers(0, 256, (40, 50, 3)).astype(np.uint8))
 
 
-def places(sheet, picture):
-    """Where a picture lies on a sheet: rows and columns of its first pixel."""
-    height, width = picture.shape[:2]
-    corners = np.argwhere((np.abs(sheet - picture[0, 0]) < 1e-3).all(axis=2))
-    fitting = (sheet[y : y + height, x : x + width] for y, x in corners)
-    return [
-        tuple(corner)
-        for corner, part in zip(corners.tolist(), fitting, strict=True)
-        if part.shape == picture.shape and np.allclose(part, picture, atol=1e-3)
-    ]
-
-
 @pytest.fixture
 def weights(tmp_path):
     """Of a network that changes nothing."""
     path = tmp_path / "weights.safetensors"
     network = EnhancementNetwork(TINY)
-    save_network(path, TINY, network.state_dict(), {"data": "nothing", "steps": 0})
+    FILES.save(path, network, {"data": "nothing", "steps": 0})
     return path
 
 
-def test_a_folder_of_pictures_is_enhanced(tmp_path, weights, capsys):
-    pictures(tmp_path / "in")
-    enhance_command(tmp_path / "in", tmp_path / "out", str(weights))
-    assert "nothing" in capsys.readouterr().out
-    for name in ("0.png", "1.png"):
-        np.testing.assert_array_equal(read_image(tmp_path / "out" / name), read_image(tmp_path / "in" / name))
-
-
-def test_pictures_before_and_after_are_drawn(tmp_path, weights, capsys):
+def test_a_folder_of_pictures_is_enhanced_and_drawn_before_and_after(tmp_path, weights, capsys):
     pictures(tmp_path / "in", 3)
     sheet = tmp_path / "sheet.png"
     enhance_command(tmp_path / "in", tmp_path / "out", str(weights), sheet=sheet)
-    assert str(sheet) in capsys.readouterr().out
-    drawn = read_image(sheet)
-    for i in range(3):
-        before, after = (read_image(tmp_path / folder / f"{i}.png") for folder in ("in", "out"))
-        assert places(drawn, before) == places(drawn, after)
-        assert len(places(drawn, before)) == 2  # nothing is changed by these weights
+    printed = capsys.readouterr().out
+    assert "nothing" in printed
+    assert str(sheet) in printed
+    shown = [(f"{i}.png", *(read_image(tmp_path / folder / f"{i}.png") for folder in ("in", "out"))) for i in range(3)]
+    assert all(np.array_equal(before, after) for _, before, after in shown)  # nothing is changed by these weights
+    expected = before_and_after("Enhancement", "3 of 3 photographs", shown)
+    np.testing.assert_array_equal(to_uint8(read_image(sheet)), expected)
 
 
 @pytest.mark.parametrize("name", ["sheet.jpg", "out/sheet.png"])
@@ -76,26 +58,20 @@ def test_a_sheet_is_not_taken_for_a_picture(tmp_path, weights, name):
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("keep_fog", [False, True])
-def test_fog_can_be_kept(tmp_path, weights, monkeypatch, keep_fog):
+@pytest.mark.parametrize(
+    ("options", "removed", "known"),
+    [({}, True, True), ({"keep_fog": True}, False, True), ({"apart": True}, True, False)],
+)
+def test_fog_can_be_kept_and_pictures_be_looked_at_alone(tmp_path, weights, monkeypatch, options, removed, known):
     pictures(tmp_path / "in")
     asked = []
     monkeypatch.setattr(
-        commands, "enhance", lambda image, enhancer, remove_mist, lens: asked.append(remove_mist) or image
+        commands,
+        "enhance",
+        lambda image, enhancer, remove_mist, lens: asked.append((remove_mist, lens is not None)) or image,
     )
-    enhance_command(tmp_path / "in", tmp_path / "out", str(weights), keep_fog=keep_fog)
-    assert asked == [not keep_fog] * 2
-
-
-@pytest.mark.parametrize(("apart", "known"), [(False, True), (True, False)])
-def test_pictures_of_a_folder_are_looked_at_together_unless_they_are_apart(
-    tmp_path, weights, monkeypatch, apart, known
-):
-    pictures(tmp_path / "in")
-    asked = []
-    monkeypatch.setattr(commands, "enhance", lambda image, enhancer, remove_mist, lens: asked.append(lens) or image)
-    enhance_command(tmp_path / "in", tmp_path / "out", str(weights), apart=apart)
-    assert [lens is not None for lens in asked] == [known] * 2
+    enhance_command(tmp_path / "in", tmp_path / "out", str(weights), **options)
+    assert asked == [(removed, known)] * 2
 
 
 def test_no_picture_is_lost_when_others_are_enhanced(tmp_path, weights):
@@ -127,21 +103,19 @@ def test_files_of_the_users_where_networks_are_trained_stay(tmp_path, program, n
     assert mine.read_text() == "mine"
 
 
-@pytest.mark.parametrize("name", ["mean.safetensors", "mean.json"])
-def test_files_of_the_users_where_a_mean_of_weights_is_written_stay(tmp_path, weights, name):
-    mine = tmp_path / name
-    mine.write_text("mine")
-    with pytest.raises(InputError, match=f"{name}: not written by HydroViews, and in the way"):
-        commands.average_command((str(weights),), (tmp_path,), tmp_path / "mean.safetensors")
-    assert mine.read_text() == "mine"
-
-
-def test_a_plot_of_the_users_stays(tmp_path, weights):
-    plot = tmp_path / "plot.svg"
-    plot.write_text("mine")
-    with pytest.raises(InputError, match=r"plot\.svg: not written by HydroViews"):
-        commands.validate_command((tmp_path,), str(weights), tmp_path / "cache", plot=plot)
-    assert plot.read_text() == "mine"
+@pytest.mark.parametrize(
+    ("name", "command"),
+    [
+        ("w.safetensors", lambda f, weights: commands.average_command((weights,), (f,), f / "w.safetensors")),
+        ("w.json", lambda f, weights: commands.average_command((weights,), (f,), f / "w.safetensors")),
+        ("plot.svg", lambda f, weights: commands.validate_command((f,), weights, f / "cache", plot=f / "plot.svg")),
+    ],
+)
+def test_files_of_the_users_where_a_mean_or_a_plot_is_written_stay(tmp_path, weights, name, command):
+    (tmp_path / name).write_text("mine")
+    with pytest.raises(InputError, match=f"{name}: not written by HydroViews"):
+        command(tmp_path, str(weights))
+    assert (tmp_path / name).read_text() == "mine"
 
 
 def test_describe_counts(capsys):
@@ -162,37 +136,29 @@ def test_what_a_training_begins_with_stands_in_its_data(tmp_path, weights):
     data = replace(data, start=str(weights))
     begun = described(data, started_from(data, config))
     assert "begun with weights.safetensors (0 steps, " in begun
-    save_network(weights, TINY, EnhancementNetwork(TINY).state_dict(), {"data": "others", "steps": 0})
+    FILES.save(weights, EnhancementNetwork(TINY), {"data": "others", "steps": 0})
     assert described(data, started_from(data, config)) != begun
 
 
-def test_sizes_and_lenses_stand_in_the_data(tmp_path):
+def test_all_that_is_learned_from_stands_in_the_data(tmp_path):
     pictures(tmp_path / "photographs")
-    data = Data((tmp_path / "photographs",), sides=(480, 288), lenses=7)
-    assert "480 or 288 pixels wide or high; 7 wet lenses and 6 windows a frame" in described(data, None)
-    assert described(replace(data, without=("pane", "streak")), None).endswith("; no pane and no streak")
-    with pytest.raises(InputError, match="fog"):
-        replace(data, without=("fog",))
-
-
-def test_other_photographs_and_pairs_are_other_data(tmp_path):
-    pictures(tmp_path / "photographs")
-    data = Data((tmp_path / "photographs",), pairs=(tmp_path / "pairs",))
     for folder in ("input", "target"):
         pictures(tmp_path / "pairs" / folder)
+    data = Data((tmp_path / "photographs",), sides=(480, 288), lenses=7, pairs=(tmp_path / "pairs",))
     before = described(data, None)
-    assert described(data, None) == before
-    pairs = sorted((tmp_path / "pairs").rglob("*.png"))
-    write_png(pairs[0], np.zeros((99, 99, 3), np.float32))
-    with_others = described(data, None)
-    assert with_others != before
-    write_png(tmp_path / "photographs" / "1.png", np.zeros((99, 99, 3), np.float32))
-    assert described(data, None) != with_others
+    assert before == described(data, None)
+    assert "480 or 288 pixels wide or high; 7 wet lenses and 6 windows a frame" in before
+    assert described(replace(data, without=("pane", "streak")), None).endswith("; no pane and no streak")
+    found = [before]
+    for changed in (next((tmp_path / "pairs").rglob("*.png")), tmp_path / "photographs" / "1.png"):
+        write_png(changed, np.zeros((99, 99, 3), np.float32))
+        found.append(described(data, None))
+    assert len(set(found)) == 3
 
 
-@pytest.mark.parametrize("wrong", [{"sides": ()}, {"lenses": 0}])
+@pytest.mark.parametrize("wrong", [{"sides": ()}, {"lenses": 0}, {"without": ("fog",)}])
 def test_there_has_to_be_a_size_and_a_lens(tmp_path, wrong):
-    with pytest.raises(InputError, match="nothing to learn from"):
+    with pytest.raises(InputError, match=r"nothing to learn from|fog"):
         Data((tmp_path,), **wrong)
 
 
@@ -201,12 +167,3 @@ def test_parts_have_to_fit_into_the_smallest_frame(tmp_path):
     with pytest.raises(InputError, match="cannot cut parts of 192x192 pixels"):
         train_command(TrainingRequest(Data((tmp_path / "photographs",), sides=(384, 240)), out=tmp_path / "out"))
     assert not (tmp_path / "out").exists()
-
-
-def test_a_training_begins_only_with_its_own_kind_of_network(tmp_path, weights):
-    data = Data((tmp_path,), start=str(weights))
-    start = started_from(data, TrainingConfig(network=TINY))
-    assert start
-    assert start.network.config == TINY
-    with pytest.raises(InputError, match="cannot begin a training of another network"):
-        started_from(data, TrainingConfig())

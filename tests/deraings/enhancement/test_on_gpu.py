@@ -5,14 +5,15 @@ import pytest
 import torch
 from tiny_network import TINY
 
+from baselines.supervised.config import Intervals
+from baselines.supervised.training import train
 from baselines.training.images import TrainingImages
-from baselines.training.supervised_training import Intervals
 from deraings.enhancement.architecture.lens_statistics import COARSE, FINE
 from deraings.enhancement.architecture.lenses import lenses_of_capture
 from deraings.enhancement.enhance import enhance, predict
 from deraings.enhancement.training.config import TrainingConfig
-from deraings.enhancement.training.loop import train
-from deraings.enhancement.training.pairs import Sample
+from deraings.enhancement.training.pairs import Batches, Sample
+from deraings.enhancement.training.training import EnhancementTraining
 from deraings.enhancement.weights import load_enhancer
 
 
@@ -38,10 +39,10 @@ class Noise:
 
 def test_it_learns_the_same(on_gpu, tmp_path):
     config = TrainingConfig(network=TINY, steps=2, batch=1, patch=32, warm_up=1)
-    learned = [
-        train(tmp_path / device, config, Noise(), "noise", lambda _: {}, Intervals(), device=device)
-        for device in ("cpu", "cuda")
-    ]
+    learned = [EnhancementTraining(config, device) for device in ("cpu", "cuda")]
+    for training in learned:
+        folder = tmp_path / training.device.type
+        train(training, Batches(Noise(), 1), folder, "noise", lambda _: {}, Intervals())
     here, there = ([value.cpu() for value in training.averaged.state_dict().values()] for training in learned)
     assert learned[1].device.type == "cuda"
     for ours, theirs in zip(here, there, strict=True):

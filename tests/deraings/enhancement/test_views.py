@@ -109,12 +109,6 @@ def test_hidden_pixels_count_for_no_change(photographs, tmp_path, enhance):
     assert everything.change_over_error(0) == 0
 
 
-def test_a_photograph_that_a_network_leaves_as_it_is_has_no_change(photographs, tmp_path, monkeypatch):
-    even = np.full(SIZE, 0.1, np.float32)
-    monkeypatch.setattr(module, "predict", lambda image, *_: Enhanced(image, np.zeros_like(image), even))
-    assert views_of(photographs, tmp_path).change_over_error(0) < 0.01
-
-
 @pytest.mark.parametrize("missing", ["view-1.png", "cover/view-1.png", "error/view-1.png"])
 def test_what_an_interruption_left_out_is_made_again(photographs, tmp_path, enhance, missing):
     first = views_of(photographs, tmp_path)
@@ -127,24 +121,6 @@ def test_what_an_interruption_left_out_is_made_again(photographs, tmp_path, enha
     assert len(enhance) == 2
     assert np.array_equal(again.small_error(1), error)
     assert np.array_equal(again.image(1), picture)
-    assert len(enhance) == 2
-
-
-def test_a_picture_is_finished_only_once_all_that_is_beside_it_is(photographs, tmp_path, enhance, monkeypatch):
-    """A power cut in the midst of writing."""
-    write, written = module.write_png, []
-
-    def cut(path, image):
-        if len(written) == 2:
-            raise KeyboardInterrupt
-        written.append(path)
-        write(path, image)
-
-    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-        patch.setattr(module, "write_png", cut)
-        views_of(photographs, tmp_path).file(0)
-    assert len(written) == 2
-    assert views_of(photographs, tmp_path).file(0).is_file()
     assert len(enhance) == 2
 
 

@@ -170,7 +170,7 @@ def test_masks_learn_from_the_loss_and_weigh_it():
             plane[:, :30] = 0
             return plane
 
-    masks = Left(TrainingImages(panorama.eight_bit(scene)), 10, 0, MaskConfig(start=0.2, warm_up=0.2, every=2))
+    masks = Left(TrainingImages(panorama.eight_bit(scene)), 10, 0, MaskConfig(start=0.2, every=2))
     objective = objective_of(scene, NOTHING, masks=masks)
     (_, gradient), *_ = steps(objective, renders(scene), 0, 3)
     size = panorama.HEIGHT, panorama.WIDTH

@@ -18,13 +18,12 @@ SMALL = VolumetricConfig(
     proposal_samples=32,
     samples=16,
     anneal=100,
-    proposal_always=150,
     warm_up=10,
     field=HashFieldConfig(
         grid=GridConfig(4, 12, 8, 64), hidden=16, colour_layers=1, proposal_grid=GridConfig(3, 10, 8, 32), rate=3e-2
     ),
 )
-SHORT = replace(SMALL, iterations=200, anneal=66, proposal_always=100)  # where that tells methods apart as well
+SHORT = replace(SMALL, iterations=200, anneal=66)  # where that tells methods apart as well
 
 
 class Plain(RadianceMethod):

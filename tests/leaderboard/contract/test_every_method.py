@@ -29,7 +29,7 @@ STEPS, INTERRUPTED = 12, 7
 EARLY = {
     DefaultStrategy: {"start": 3, "stop": 11, "every": 4, "grow_grad2d": 1e-7},
     TrainerConfig: {"sh_degree_interval": 4, "dense_start": 0.0},
-    VolumetricConfig: {"rays": 256, "warm_up": 2, "anneal": 6, "proposal_always": 6},
+    VolumetricConfig: {"rays": 256, "warm_up": 2, "anneal": 6},
     UncertaintyConfig: {"start": 4, "warm_up": 4, "protected": 0, "first_lesson": 1, "every": 2},
     MediumConfig: {"renewed": 3, "least": 0.0},
     LookConfig: {"renewed": 4},

@@ -1,27 +1,20 @@
-import csv
-from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
 from tiny_attention import GENERATOR, TRAINING
+from tiny_supervised import INTERVALS, weights_of
 from wet import lens, photograph
 
 from baselines.derain_nerf.raindrop_attention.config import LossConfig
 from baselines.derain_nerf.raindrop_attention.network import DerainGenerator
 from baselines.derain_nerf.raindrop_attention.pairs import Batch, Patches, ValidationPicture, without_drops
-from baselines.derain_nerf.raindrop_attention.training import train
+from baselines.derain_nerf.raindrop_attention.training import AttentionTraining
 from baselines.derain_nerf.raindrop_attention.validation import as_columns, scores, table
-from baselines.derain_nerf.raindrop_attention.weights import load_detector, save_generator
-from baselines.training.checkpoints import CHECKPOINT
-from baselines.training.network_commands import rounded
-from baselines.training.supervised_training import CURVE, Intervals, rate_at
-from baselines.training.validation import as_json, average_precision
-from hydroviews.errors import InputError
+from baselines.supervised.training import train
+from baselines.supervised.validation import as_json, average_precision
 from hydroviews.pairs.rainy_pairs import DrawnRain
-
-INTERVALS = Intervals(checkpoint_seconds=0.0, validate_every=3)
 
 
 def drawn():
@@ -37,14 +30,11 @@ class Interrupting(Patches):
         return super().__getitem__(step)
 
 
-def learn(folder, config=TRAINING, kind=Patches, data="drops"):
+def learn(folder, config=TRAINING, kind=Patches):
+    training = AttentionTraining(config)
     patches = kind(drawn(), config.patch, config.crops, config.batch, config.seed)
-    return train(folder, config, patches, data, lambda _: {"score": 1.0}, INTERVALS)
-
-
-def weights_of(training):
-    networks = (training.averaged, training.generator, training.discriminator)
-    return torch.cat([p.detach().flatten() for network in networks for p in network.parameters()])
+    train(training, patches, folder, "drops", lambda _: {}, INTERVALS)
+    return training
 
 
 def test_patches_show_the_cover_of_their_own_place():
@@ -80,48 +70,15 @@ def test_drops_are_learned_and_removed(tmp_path):
     assert (frames.whole - clean).square().mean() < 0.5 * (rainy - clean).square().mean()
 
 
-@pytest.mark.parametrize("precision", ["float32", "bfloat16"])
-def test_an_interrupted_training_ends_with_the_same_bits(undisturbed, tmp_path, precision):
-    config = replace(TRAINING, precision=precision)
-    whole = undisturbed[1] if config == TRAINING else learn(tmp_path / "whole", config)
+def test_an_interrupted_training_of_both_networks_ends_with_the_same_bits(tmp_path):
+    config = replace(TRAINING, precision="bfloat16", removal_every=2)
+    whole = learn(tmp_path / "whole", config)
     with pytest.raises(KeyboardInterrupt):
         learn(tmp_path / "parts", config, Interrupting)
     parts = learn(tmp_path / "parts", config)
-    assert parts.iteration == whole.iteration == 6
     assert torch.equal(weights_of(whole), weights_of(parts))
     assert parts.losses == whole.losses
-
-
-def test_every_seed_is_another_training_and_zero_is_one(undisturbed, tmp_path):
-    again, other = (learn(tmp_path / str(seed), replace(TRAINING, seed=seed)) for seed in (0, 1))
-    assert torch.equal(weights_of(undisturbed[1]), weights_of(again))
-    assert not torch.equal(weights_of(undisturbed[1]), weights_of(other))
-
-
-@pytest.mark.parametrize("changed", [{"config": replace(TRAINING, rate=1.0)}, {"data": "others"}])
-def test_a_checkpoint_of_another_training_is_refused(finished, changed):
-    with pytest.raises(InputError, match="another run"):
-        learn(finished, **changed)
-
-
-def test_a_damaged_checkpoint_is_refused(finished):
-    (finished / CHECKPOINT).write_bytes((finished / CHECKPOINT).read_bytes()[:1000])
-    with pytest.raises(InputError, match="damaged"):
-        learn(finished)
-
-
-def test_the_curve_has_a_row_a_validation(undisturbed):
-    rows = list(csv.DictReader((undisturbed[0] / CURVE).open()))
-    assert [int(row["step"]) for row in rows] == [3, 6]
-    assert {"attention", "discriminator", "score"} <= set(rows[0])
-
-
-def test_the_rate_rises_and_falls():
-    config = replace(TRAINING, steps=100, warm_up=10, rate=1.0, final_rate=0.0)
-    assert rate_at(0, config) == pytest.approx(0.1)
-    assert rate_at(9, config) == pytest.approx(1.0)
-    assert rate_at(55, config) == pytest.approx(0.5)
-    assert rate_at(99, config) < 0.001
+    assert {"attention", "discriminator"} <= parts.losses.keys()
 
 
 def test_average_precision_against_counting():
@@ -150,24 +107,3 @@ def test_scores_of_a_network_that_changes_nothing():
     assert as_columns([drops, dry])["drops-light gain"] == pytest.approx(0, abs=1e-3)
     assert as_json([dry], decimals=4)[0]["before"] is None
     assert "| drops-light | 1 |" in table([drops, dry])
-
-
-def test_weights_come_back_with_their_card(undisturbed, tmp_path):
-    averaged = deepcopy(undisturbed[1].averaged)
-    path = tmp_path / "weights.safetensors"
-    save_generator(path, GENERATOR, averaged.state_dict(), {"data": "drops"})
-    detector = load_detector(path)
-    assert detector.card == {"data": "drops"}
-    averaged.load_state_dict(rounded(averaged.state_dict()))
-    image = torch.rand(1, 3, 32, 32)
-    assert torch.equal(detector.generator(image).maps[-1], averaged(image).maps[-1])
-
-
-def test_weights_that_are_not_there_or_of_something_else_are_refused(tmp_path):
-    with pytest.raises(InputError, match="none of that name"):
-        load_detector("enormous")
-    with pytest.raises(InputError, match="no such file"):
-        load_detector(tmp_path / "weights.safetensors")
-    save_generator(tmp_path / "other.safetensors", GENERATOR, {"w": torch.zeros(1)}, {})
-    with pytest.raises(InputError, match="not a raindrop attention network"):
-        load_detector(tmp_path / "other.safetensors")

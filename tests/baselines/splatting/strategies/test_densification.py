@@ -172,8 +172,8 @@ def test_schedule():
 
 def test_all_rates_fall_faster_in_the_end():
     usual = LearningRates(final=0.5)
-    cooling = replace(usual, cooldown=0.2, cooled=0.01)
-    factors = {0: 1, 40: 1, 80: 1, 90: 0.1, 100: 0.01}
+    cooling = replace(usual, cooldown=0.2)
+    factors = {0: 1, 40: 1, 80: 1, 90: 0.1**0.5, 100: 0.1}
     for iteration, factor in factors.items():
         expected, found = (rates_at(iteration, 100, rates, 5.0, 1) for rates in (usual, cooling))
         assert expected.keys() == found.keys()

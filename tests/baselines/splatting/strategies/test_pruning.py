@@ -39,8 +39,6 @@ def test_a_weight_is_what_the_image_changes_by_with_the_colour():
     ("pruning", "kept"),
     [
         (Pruning(share=0.4), [0, 2, 4]),
-        (Pruning(threshold=2.0), [0, 4]),
-        (Pruning(share=0.2, threshold=1.5), [0, 2, 4]),
         (Pruning(), range(5)),
         (Pruning(budget=3), [0, 2, 4]),
         (Pruning(budget=3, share=0.8), [4]),

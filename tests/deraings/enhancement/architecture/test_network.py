@@ -15,7 +15,7 @@ from deraings.enhancement.architecture.network import (
     TransposedAttention,
 )
 from deraings.enhancement.architecture.size import describe, measure
-from deraings.enhancement.enhance import mirrored, padded
+from deraings.enhancement.enhance import padded
 
 
 def pictures(height: int = 32, width: int = 64, count: int = 1, seed: int = 0) -> torch.Tensor:
@@ -66,15 +66,6 @@ def test_any_size_runs_and_the_picture_is_not_shifted():
         assert padded(network.refine, 32, pictures(height, width)).shape == (1, 3, height, width)
     fitting = pictures(32, 64)
     assert torch.equal(padded(network.refine, 32, fitting), network.refine(fitting))
-
-
-def test_mirrored_repeats_what_is_too_short():
-    assert mirrored(3, 8).tolist() == [0, 1, 2, 2, 1, 0, 0, 1]
-
-
-def test_pictures_of_a_batch_do_not_see_each_other():
-    network, batch = awake(), pictures(count=2)
-    assert torch.allclose(network(batch)[1:], network(batch[1:]), atol=1e-6)
 
 
 def test_channel_norm_is_layer_norm_of_each_pixel():

@@ -3,15 +3,12 @@ import pytest
 import torch
 from wet import HEIGHT, WIDTH, lens, photograph
 
-from baselines.training.supervised_training import draw_ahead
+from baselines.supervised.training import draw_ahead
 from deraings.enhancement.training.pair_folders import PairFolder, find_pairs
 from deraings.enhancement.training.pairs import MISTED, Batches, Pairs, sensed, stored
-from deraings.enhancement.validation.pictures import rainy_picture, setting_of
 from hydroviews.errors import InputError
 from hydroviews.pairs.drawing import Pair, shares_without
-from hydroviews.pairs.lens_pool import camera_of
 from hydroviews.pairs.rainy_pairs import DrawnRain
-from hydroviews.rain.patterns import Pattern
 from hydroviews.scene.images import write_png
 from hydroviews.scene.seeds import generator
 
@@ -98,18 +95,6 @@ def test_published_pairs_that_do_not_fit_are_refused(tmp_path):
         PairFolder(tmp_path, 128).pair(generator(0))
     with pytest.raises(InputError, match="no rainy and clean"):
         find_pairs(tmp_path / "target")
-
-
-def test_graded_streaks_get_harder_with_the_grade(tmp_path):
-    write_png(tmp_path / "a.png", photograph(0, 256, 384))
-    image = photograph(0, 256, 384).astype(np.float32) / 255
-    setting = setting_of(tmp_path / "a.png", image, 0)
-    assert setting.views[0].camera.width == camera_of((384, 256)).width == 384
-    others = photograph(0, 256, 384)[None]
-    seen = [rainy_picture(image, others, Pattern("streak", i), setting, tmp_path) for i in range(3)]
-    harm = [float(np.mean((picture.rainy - image) ** 2)) for picture in seen]
-    assert all(np.abs(picture.rainy - picture.companions[0] / 255).max() > 0.1 for picture in seen)  # other streaks
-    assert harm[0] < harm[1] < harm[2]
 
 
 def test_a_rainy_picture_belongs_to_the_clean_one_whose_name_it_continues_furthest(tmp_path):

@@ -5,8 +5,8 @@ import math
 import pytest
 
 from baselines.derain_nerf.raindrop_attention.config import TrainingConfig as AttentionConfig
-from baselines.training.network_commands import use_threads
-from baselines.training.supervised_training import Intervals
+from baselines.supervised.commands import use_threads
+from baselines.supervised.config import Intervals
 from deraings.enhancement.training.config import TrainingConfig
 from hydroviews.errors import InputError
 

@@ -1,49 +1,34 @@
 """The training of networks from pairs: rates, averaged weights, smoothed losses, validation, a curve.
 
-A training derives from `SupervisedTraining` and says how a batch is learned from. Batches are functions of their step
-alone, so that a training that was stopped goes on exactly.
+A network's training derives from `SupervisedTraining` and says how a batch is learned from. Batches are functions of
+their step alone, so that a training that was stopped resumes exactly.
 """
 
 import math
 import signal
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass
+from copy import deepcopy
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, cast
+from typing import Any, ClassVar, NamedTuple, Protocol, cast
 
 import torch
 from torch import Tensor, nn
 from torch.nn.utils import clip_grad_norm_
 from torch.utils.data import DataLoader, Dataset
 
+from baselines.supervised.config import Intervals, SupervisedConfig
 from baselines.training import loop
 from baselines.training.checkpoints import CHECKPOINT, Tree
 from baselines.training.learning_curve import write_rows
-from baselines.training.numbers import require_numbers
 from baselines.training.torch_state import module_arrays, restore_module
 
 CURVE = "curve.csv"
 SMOOTHING = 0.99  # what the losses of the curve keep of themselves in a step
+FINAL_RATE = 1e-6  # learning rate at the end of the cosine
 
 Validate = Callable[[Any], dict[str, float]]  # of the averaged network: a row of the curve, beside losses
-
-
-class SupervisedConfig(Protocol):
-    """What every configuration of such a training has; dataclasses."""
-
-    @property
-    def steps(self) -> int: ...  # noqa: D102
-    @property
-    def rate(self) -> float: ...  # noqa: D102
-    @property
-    def final_rate(self) -> float: ...  # noqa: D102
-    @property
-    def warm_up(self) -> int: ...  # noqa: D102
-    @property
-    def clip(self) -> float: ...  # noqa: D102
-    @property
-    def averaging(self) -> float: ...  # noqa: D102
 
 
 class Batches(Protocol):
@@ -51,17 +36,6 @@ class Batches(Protocol):
 
     def __getitem__(self, step: int) -> Any:
         """A tensor, or a tuple of tensors."""
-
-
-@dataclass(frozen=True)
-class Intervals:
-    """Intervals of checkpoints and validations; they do not change the weights."""
-
-    checkpoint_seconds: float = 30.0  # seconds between two checkpoints; 0: one after every step
-    validate_every: int = 500  # steps between two validations
-
-    def __post_init__(self) -> None:
-        require_numbers(self)
 
 
 class Learner(NamedTuple):
@@ -74,11 +48,12 @@ class Learner(NamedTuple):
 class SupervisedTraining(ABC):
     """Networks with their optimisers, averaged weights of the first of them, and how far they are."""
 
-    def __init__(self, config: SupervisedConfig, learners: Mapping[str, Learner], averaged: nn.Module) -> None:
-        """Begin with networks as they are; `averaged` is of the first one's kind."""
+    clip: ClassVar[float] = 1.0  # largest norm of a step's gradient
+
+    def __init__(self, config: SupervisedConfig, learners: Mapping[str, Learner]) -> None:
+        """Begin with networks as they are."""
         self.config, self.learners = config, learners
-        self.averaged = averaged.requires_grad_(False)
-        self.averaged.load_state_dict(self._first.state_dict())
+        self.averaged: Any = deepcopy(self._first).requires_grad_(False)
         self.iteration, self.seconds = 0, 0.0
         self.losses: dict[str, float] = {}  # smoothed
         self.curve: list[dict[str, float]] = []
@@ -91,6 +66,10 @@ class SupervisedTraining(ABC):
     def device(self) -> torch.device:
         """Where the networks learn."""
         return next(self._first.parameters()).device
+
+    def fingerprint(self, data: str) -> dict[str, Any]:
+        """What a checkpoint must agree with: the configuration, and in words what is learned from."""
+        return {"configuration": asdict(self.config), "data": data}
 
     def learn(self, batch: Any) -> dict[str, float]:
         """Take one step; returns the smoothed losses. The batch may be on any device.
@@ -112,12 +91,16 @@ class SupervisedTraining(ABC):
     def _learn(self, batch: Any) -> dict[str, Tensor]:
         """Change the networks by `_descend`; returns the losses, the one to be shown first."""
 
+    def _autocast(self) -> torch.autocast:
+        """The precision of convolutions and attention, while it lasts."""
+        return torch.autocast(self.device.type, torch.bfloat16, enabled=self.config.precision == "bfloat16")
+
     def _descend(self, name: str, loss: Tensor) -> None:
         """One step of a network's optimiser down a loss."""
         network, optimiser = self.learners[name]
         optimiser.zero_grad(set_to_none=True)
         loss.backward()
-        norm = clip_grad_norm_(network.parameters(), self.config.clip)
+        norm = clip_grad_norm_(network.parameters(), self.clip)
         if not norm.isfinite():
             raise FloatingPointError(
                 f"the {name}'s gradient of iteration {self.iteration} is not finite: loss {loss.item():g}"
@@ -192,7 +175,7 @@ def train(
     training: SupervisedTraining,
     batches: Batches,
     folder: Path,
-    fingerprint: Mapping[str, Any],
+    data: str,
     validate: Validate,
     intervals: Intervals,
     workers: int = 0,
@@ -203,7 +186,7 @@ def train(
         training: in its first state.
         batches: to learn from.
         folder: gets the checkpoint and curve.csv.
-        fingerprint: what a checkpoint has to agree with.
+        data: what the batches are, in words; a checkpoint of other data is refused.
         validate: scores of the averaged network.
         intervals: between checkpoints and between validations.
         workers: processes that draw batches ahead; 0 for none but this one.
@@ -215,14 +198,9 @@ def train(
     """
     trainer = _Trainer(training, batches, workers, validate, intervals.validate_every, folder / CURVE)
     try:
-        loop.run(trainer, folder / CHECKPOINT, fingerprint, intervals.checkpoint_seconds)
+        loop.run(trainer, folder / CHECKPOINT, training.fingerprint(data), intervals.checkpoint_seconds)
     finally:
         trainer.end()
-
-
-def network_fingerprint(config: Any, data: str) -> dict[str, Any]:
-    """What a checkpoint must agree with: the configuration, a dataclass, and in words what is learned from."""
-    return {"configuration": asdict(config), "data": data}
 
 
 def draw_ahead(batches: Batches, first: int, last: int, workers: int) -> Iterator[Any]:
@@ -262,7 +240,7 @@ def rate_at(step: int, config: SupervisedConfig) -> float:
     if step < config.warm_up:
         return config.rate * (step + 1) / config.warm_up
     done = (step - config.warm_up) / max(1, config.steps - config.warm_up)
-    return config.final_rate + (config.rate - config.final_rate) * 0.5 * (1 + math.cos(math.pi * done))
+    return FINAL_RATE + (config.rate - FINAL_RATE) * 0.5 * (1 + math.cos(math.pi * done))
 
 
 @torch.no_grad()

@@ -1,1 +1,0 @@
-from undisturbed_training import finished, undisturbed  # noqa: F401

@@ -1,0 +1,94 @@
+"""The training of networks from pairs: its schedule, and that nothing which disturbs it changes what is learned."""
+
+import csv
+import shutil
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+import torch
+from tiny_supervised import CONFIG, Darker, ToyTraining, learn, weights_of
+
+from baselines.supervised.training import CURVE, rate_at
+from baselines.training.checkpoints import CHECKPOINT
+from hydroviews.errors import InputError
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    """The folder of a training that nothing disturbed, and the training."""
+    folder = tmp_path_factory.mktemp("undisturbed")
+    return folder, learn(folder)
+
+
+@pytest.fixture
+def finished(undisturbed, tmp_path):
+    """Its folder again, for the test to change."""
+    return Path(shutil.copytree(undisturbed[0], tmp_path / "finished"))
+
+
+def test_a_network_learns_and_its_average_follows(tmp_path):
+    training = learn(tmp_path, replace(CONFIG, steps=150, averaging=0.9))
+    rainy, clean = Darker(CONFIG)[0]
+    with torch.no_grad():
+        assert (training.averaged(rainy) - clean).abs().mean() < 0.1
+    assert training.losses["loss"] < 0.1
+
+
+@pytest.mark.parametrize("precision", ["float32", "bfloat16"])
+def test_an_interrupted_training_ends_with_the_same_bits(tmp_path, precision):
+    config = replace(CONFIG, precision=precision)
+    whole = learn(tmp_path / "whole", config)
+    with pytest.raises(KeyboardInterrupt):
+        learn(tmp_path / "parts", config, until=4)
+    parts = learn(tmp_path / "parts", config)
+    assert parts.iteration == whole.iteration == 6
+    assert torch.equal(weights_of(whole), weights_of(parts))
+    assert whole.losses == parts.losses
+
+
+def test_workers_do_not_change_the_result_and_another_seed_does(undisturbed, tmp_path):
+    expected = weights_of(undisturbed[1])
+    assert torch.equal(expected, weights_of(learn(tmp_path / "helped", workers=2)))
+    assert torch.equal(expected, weights_of(learn(tmp_path / "0", replace(CONFIG, seed=0))))
+    assert not torch.equal(expected, weights_of(learn(tmp_path / "1", replace(CONFIG, seed=1))))
+
+
+def test_a_finished_training_is_not_trained_again(undisturbed, finished):
+    assert torch.equal(weights_of(undisturbed[1]), weights_of(learn(finished, until=0)))
+
+
+@pytest.mark.parametrize("changed", [{"config": replace(CONFIG, rate=1.0)}, {"data": "others"}])
+def test_a_checkpoint_of_another_training_is_refused(finished, changed):
+    with pytest.raises(InputError, match="another run"):
+        learn(finished, **changed)
+
+
+def test_a_damaged_checkpoint_is_refused(finished):
+    (finished / CHECKPOINT).write_bytes((finished / CHECKPOINT).read_bytes()[:1000])
+    with pytest.raises(InputError, match="damaged"):
+        learn(finished)
+
+
+def test_the_curve_has_a_row_a_validation(undisturbed):
+    rows = list(csv.DictReader((undisturbed[0] / CURVE).open()))
+    assert [int(row["step"]) for row in rows] == [3, 6]
+    assert [float(row["score"]) for row in rows] == [0, 1]
+    assert all(float(row["loss"]) > 0 for row in rows)
+
+
+def test_the_rate_rises_and_falls():
+    config = replace(CONFIG, steps=100, warm_up=10, rate=1.0)
+    rates = [rate_at(step, config) for step in range(100)]
+    assert [rates[step] for step in (0, 9, 55)] == pytest.approx([0.1, 1, 0.5], abs=1e-3)
+    assert rates[-1] < 1e-3
+    assert all(one >= other for one, other in pairwise(rates[9:]))
+
+
+def test_a_gradient_that_is_not_finite_changes_no_weights():
+    training = ToyTraining(CONFIG)
+    before, batch = weights_of(training), Darker(CONFIG)[0]
+    with pytest.raises(FloatingPointError, match="network's gradient of iteration 0 is not finite: loss"):
+        training.learn(batch._replace(rainy=batch.rainy * torch.inf))
+    assert torch.equal(weights_of(training), before)
