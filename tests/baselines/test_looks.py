@@ -34,8 +34,7 @@ BRIEF = replace(
     box=1.8,
     renewed=50,
     rate_encoder=5e-3,
-    rate_planes=2e-3,
-    rate_colour=2e-3,
+    rate_networks=2e-3,
     rate_intrinsic=1e-2,
     visible_from=0.05,
 )

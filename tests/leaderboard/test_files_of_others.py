@@ -62,7 +62,7 @@ ELSEWHERE = {
         "hydroviews eval",
         "leaderboard score",
     },
-    "deraings/enhancement/test_commands.py test_files_of_the_users_where_a_mean_of_weights_is_written_stay": {
+    "deraings/enhancement/test_commands.py test_files_of_the_users_where_a_mean_or_a_plot_is_written_stay": {
         "deraings.enhancement average"
     },
     "deraings/enhancement/test_commands.py test_files_of_the_users_where_networks_are_trained_stay": {

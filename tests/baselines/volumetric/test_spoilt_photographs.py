@@ -15,10 +15,10 @@ from baselines.nerf_w import NerfW, NerfWConfig
 
 LOOK = LookConfig(size=8, channels=(8, 16, 16), side=24, rate=2e-3)
 VISIBILITY = VisibilityConfig(
-    code=16, octaves=4, width=32, layers=2, rate=1e-2, at_first=0.05, price=3.5, price_at_first=3.5, relative=True
+    code=16, octaves=4, width=32, layers=2, rate=1e-2, at_first=0.05, price=3.5, relative=True
 )
-STYLE = StyleConfig(channels=(8, 8, 16), side=24, map_side=6, rate=5e-3)
-TRANSFORM = TransformConfig(size=8, hidden=(16,), rate=2e-3)
+STYLE = StyleConfig(channels=(8, 8, 16), side=24, rate=5e-3)
+TRANSFORM = TransformConfig(size=8, hidden=(16,))
 TRANSIENTS = TransientConfig(
     channels=8,
     dilations=(1, 2),
@@ -26,13 +26,12 @@ TRANSIENTS = TransientConfig(
     rate=1e-2,
     at_first=0.05,
     price=1.0,
-    price_at_first=1.0,
     relative=True,
     typical="mean",
 )
 HA_NERF = HaNerfConfig(balls.SMALL, LOOK, VISIBILITY, photographs=16)
 CR_NERF = CrNerfConfig(balls.SHORT, 8, STYLE, TRANSFORM, TRANSIENTS, photographs=16)
-NERF_W = NerfWConfig(balls.SHORT, appearance=8, transient=8, transient_width=16, embedding_rate=2e-2)
+NERF_W = NerfWConfig(balls.SHORT, transient_width=16, embedding_rate=3e-3)
 
 
 @pytest.mark.parametrize(("kind", "config"), [(HaNerf, HA_NERF), (CrNerf, CR_NERF)])

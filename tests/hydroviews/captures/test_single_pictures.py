@@ -8,6 +8,7 @@ import pytest
 
 from deraings.enhancement import __main__ as commands
 from hydroviews.captures.single_pictures import read_upright, turned
+from hydroviews.errors import InputError
 from hydroviews.scene.images import read_image
 
 PIXELS = np.random.default_rng(0).integers(0, 256, (6, 8, 3)).astype(np.uint8).repeat(4, 0).repeat(4, 1)
@@ -47,17 +48,38 @@ def test_alpha_and_the_colours_below_it_are_kept(tmp_path, scale):
     assert found.bits == (16 if scale > 1 else 8)
 
 
-def test_enhanced_pictures_stand_upright_and_keep_their_alpha(tmp_path, monkeypatch, capsys):
-    """By a network that leaves pictures as they are."""
+@pytest.fixture
+def enhanced(tmp_path, monkeypatch):
+    """Enhances a folder of pictures by a network that leaves them as they are."""
     monkeypatch.setattr(commands, "load_enhancer", lambda _: type("Enhancer", (), {"reason": "", "network": None}))
     monkeypatch.setattr(commands, "enhance", lambda image, *_, **__: image)
+
+    def run(pictures=tmp_path / "in", out=tmp_path / "out"):
+        commands.enhance_command(pictures, out, apart=True)
+        return out
+
     (tmp_path / "in").mkdir()
+    return run
+
+
+def test_enhanced_pictures_stand_upright_and_keep_their_alpha(enhanced, tmp_path, capsys):
     PIL.Image.fromarray(np.rot90(PIXELS)).save(tmp_path / "in/a.jpg", exif=exif_of(6), quality=98, subsampling=0)
     alpha = np.zeros((24, 32), np.uint8)
     alpha[4:, 6:] = 255
     PIL.Image.fromarray(np.dstack([PIXELS, alpha])).save(tmp_path / "in/b.png")
     cv2.imwrite(str(tmp_path / "in/c.png"), PIXELS.astype(np.uint16) * 257)
-    commands.enhance_command(tmp_path / "in", tmp_path / "out", apart=True)
-    assert np.abs(read_image(tmp_path / "out/a.png") - PIXELS / 255).mean() < 0.03
-    assert np.array_equal(np.asarray(PIL.Image.open(tmp_path / "out/b.png")), np.dstack([PIXELS, alpha]))
+    out = enhanced()
+    assert np.abs(read_image(out / "a.png") - PIXELS / 255).mean() < 0.03
+    assert np.array_equal(np.asarray(PIL.Image.open(out / "b.png")), np.dstack([PIXELS, alpha]))
     assert "c.png: 16 bits a channel" in capsys.readouterr().out
+
+
+def test_pictures_of_the_users_are_not_written_over_by_enhanced_ones(enhanced, tmp_path):
+    PIL.Image.fromarray(PIXELS).save(tmp_path / "in/a.png")
+    enhanced()
+    enhanced()  # what it wrote itself, it writes anew
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine/a.png").write_bytes(b"the user's")
+    with pytest.raises(InputError, match=r"mine/a\.png: not written by HydroViews"):
+        enhanced(out=tmp_path / "mine")
+    assert (tmp_path / "mine/a.png").read_bytes() == b"the user's"
