@@ -45,7 +45,10 @@ from hydroviews.scene.images import Image
 logger = logging.getLogger(__name__)
 
 MIN_WINDOW, MAX_WINDOW = 4, 32  # views that running means remember
-CLEAR, WET = 0.1, 0.25  # drop_alpha up to which the lens counts as clear, and from which for what it is
+CLEAR, WET = (
+    np.float32(0.1),
+    np.float32(0.25),
+)  # drop_alpha up to which the lens counts as clear, and from which for what it is
 
 
 class DropLayer(NamedTuple):
@@ -210,6 +213,5 @@ class _Lens:
         weights = time_weights(view, self._n_views, len(self.sums))
         alpha, light = np.empty(self.size, np.float32), np.empty((*self.size, 3), np.float32)
         stays = np.tensordot(weights, self._stays, 1)
-        fit_lines(self.sums, weights, stays, np.float32(self._config.noise), alpha, light)
-        alpha *= smooth_rise(alpha, CLEAR, WET)
-        return alpha, np.clip(light, -alpha[..., None], alpha[..., None])
+        fit_lines(self.sums, weights, stays, np.float32(self._config.noise), CLEAR, WET, alpha, light)
+        return alpha, light

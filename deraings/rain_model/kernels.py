@@ -45,7 +45,7 @@ DARK, DARK_LIGHT = np.float32(0.04045), np.float32(0.0031308)  # up to which the
 
 SUMS = 9  # of each pixel of a lens, see `add_view`
 PRODUCT, SQUARE, SEEN = 6, 7, 8  # of the sums, after photograph and render
-THIRD = np.float32(1 / 3)
+THIRD, THREE = np.float32(1 / 3), np.float32(3)
 LEAST = np.float32(1e-20)  # a sum of weights that is divided by; where it is 0 so are the other sums
 SHORT = np.float32(1e-3)  # length of beta - B that is divided by, at least
 
@@ -296,11 +296,23 @@ def add_light(mean, alpha, light):
         light[i, 2] = min(max(p2[i] - left * r2[i], -m), m)
 
 
+@inlined
+def leave_clear(clear, wet, alpha, light):
+    """A row's alpha [w], times a smooth rise from 0 where it is `clear` to 1 where it is `wet`; L [w, 3] within it."""
+    for i in range(alpha.shape[0]):
+        rise = min(max((alpha[i] - clear) / (wet - clear), ZERO), ONE)
+        m = alpha[i] * (rise * rise * (THREE - (rise + rise)))
+        alpha[i] = m
+        for c in range(3):
+            light[i, c] = min(max(light[i, c], -m), m)
+
+
 @kernel
-def fit_lines(sums, weights, stays, noise, alpha, light):
+def fit_lines(sums, weights, stays, noise, clear, wet, alpha, light):
     """Fills alpha [h, w] and light L [h, w, 3] from sums [T, h, 9, w], those of the times weighed by weights [T].
 
-    alpha is what the slope lacks to one, times the probability `stays` [h, w]. Both are 0 where no view was shown.
+    alpha is what the slope lacks to one, times the probability `stays` [h, w]; up to `clear` it is taken for 0, from
+    `wet` on for what it is. Both are 0 where no view was shown.
     """
     height, width = sums.shape[1], sums.shape[3]
     for band in prange(BANDS):
@@ -317,6 +329,7 @@ def fit_lines(sums, weights, stays, noise, alpha, light):
                 m = min(max(lost, ZERO), ONE) * stays[row, i]
                 a_row[i] = m if seen[i] > ZERO else ZERO
             add_light(mean, a_row, light[row])
+            leave_clear(clear, wet, a_row, light[row])
 
 
 @cache
@@ -338,7 +351,7 @@ def exercise_kernels() -> None:
     toward_rain(pixel, pixel, ONE, ONE, plane, np.empty_like(plane))
     line_sums(plane, plane, shown, ONE, np.zeros((BANDS, 3)))
     add_view(pixel, pixel, pixel, shown, ONE, ONE, sums[0])
-    fit_lines(sums, np.ones(1, np.float32), plane.copy(), ONE, plane, pixel)
+    fit_lines(sums, np.ones(1, np.float32), plane.copy(), ONE, ZERO, ONE, plane, pixel)
 
 
 def add_mist(image: Image, alpha: Plane, colour: NDArray[np.float32], out: Image) -> Image:
