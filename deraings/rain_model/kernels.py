@@ -286,14 +286,11 @@ def average_times(sums, weights, row, mean):
 
 @inlined
 def add_light(mean, alpha, light):
-    """L [w, 3] of a row from its means [9, w] and alpha [w]."""
+    """L [w, 3] of a row from its means [9, w] and alpha [w], before `leave_clear` bounds it."""
     p0, p1, p2, r0, r1, r2 = mean[0], mean[1], mean[2], mean[3], mean[4], mean[5]
     for i in range(alpha.shape[0]):
-        m = alpha[i]
-        left = ONE - m
-        light[i, 0] = min(max(p0[i] - left * r0[i], -m), m)
-        light[i, 1] = min(max(p1[i] - left * r1[i], -m), m)
-        light[i, 2] = min(max(p2[i] - left * r2[i], -m), m)
+        left = ONE - alpha[i]
+        light[i, 0], light[i, 1], light[i, 2] = p0[i] - left * r0[i], p1[i] - left * r1[i], p2[i] - left * r2[i]
 
 
 @inlined
