@@ -203,12 +203,14 @@ def publication(board: Path) -> dict[str, str]:
         InputError: the note is damaged.
     """
     path = board / PUBLICATION
-    note = read_json(path) if path.is_file() else {}
-    if note and not (isinstance(note, dict) and {"date", "version"} <= note.keys()):
+    if not path.is_file():
+        return {}
+    note = read_json(path)
+    if not (isinstance(note, dict) and {"date", "version"} <= note.keys()):
         raise InputError(
             f"{path}: not a note of `leaderboard publish`", expected="date and version", fix="remove the file"
         )
-    return {name: str(note[name]) for name in note and ("date", "version")}
+    return {name: str(note[name]) for name in ("date", "version")}
 
 
 def is_board(results: Path) -> bool:

@@ -14,7 +14,7 @@ from typing import Any
 from baselines.training.learning_curve import LEARNING_CURVE
 from hydroviews.errors import InputError
 from hydroviews.files import ownership
-from hydroviews.files.atomic import edit_bytes, json_bytes, read_json, write_bytes
+from hydroviews.files.atomic import read_json, write_bytes, write_json
 from hydroviews.files.temporary import remove_leftovers
 from leaderboard.gather import PUBLICATION, publication, run_folders, trusted_record
 from leaderboard.records import (
@@ -88,8 +88,8 @@ def publish(
         _write_run(board / name, run.files)
     note = {"date": day.isoformat(), "version": code_version()} if day else publication(results)
     if note and (new or not day) and note != publication(board):
-        write = edit_bytes if (board / PUBLICATION).is_file() else write_bytes  # one of a fresh checkout is on no list
-        write(board / PUBLICATION, json_bytes(note))
+        ownership.remove(board / PUBLICATION, [board / PUBLICATION])  # ours; a copy of the repository has no list
+        write_json(board / PUBLICATION, note)
     return Outcome(tuple(new), len(runs) - len(new), left_out)
 
 

@@ -11,6 +11,7 @@ import pytest
 from made_up_board import write_board
 
 from hydroviews.errors import InputError
+from hydroviews.files.ownership import FOLDER
 from leaderboard.__main__ import publish_command
 from leaderboard.gather import PUBLICATION, collect, collect_views, publication, run_folders
 from leaderboard.publishing.publish import publish
@@ -72,6 +73,11 @@ def test_a_board_notes_when_and_with_which_version_runs_came_onto_it(results, bo
     edit(results, train_s=1.0)
     publish(results, board, overwrite=True, day=date(2026, 1, 4))
     assert publication(board)["date"] == "2026-01-04"
+    (board / FOLDER).unlink()  # as in a copy of the repository
+    edit(results, train_s=2.0)
+    publish(results, board, overwrite=True, day=date(2026, 1, 5))
+    assert publication(board)["date"] == "2026-01-05"
+    assert not list(board.glob(f"{PUBLICATION}.kept*"))
     (board / PUBLICATION).write_text('{"day": 1}')
     with pytest.raises(InputError, match=f"{PUBLICATION}: not a note"):
         publication(board)
