@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from disturbed import fitted
 from looks import (
+    BRIEF,
     GROWING,
     SPLATTING,
     assert_the_same_steps,
@@ -27,17 +28,6 @@ from hydroviews.metrics.psnr import psnr
 
 # For a tenth of the iterations, and small pictures, which are looked at as they are.
 CLOSE = replace(REFERENCE, shrink=1, rate_maps=5e-3, rate_colour=2e-3, visible_from=0.05)
-BRIEF = replace(
-    LOOK,
-    shrink=1,
-    side=32,
-    box=1.8,
-    renewed=50,
-    rate_encoder=5e-3,
-    rate_networks=2e-3,
-    rate_intrinsic=1e-2,
-    visible_from=0.05,
-)
 METHODS = [
     pytest.param(GaussianInTheWild, GSWConfig, CLOSE, id="gs-w"),
     pytest.param(WildGS, WildGSConfig, BRIEF, id="wild-gs"),

@@ -6,28 +6,14 @@ import balls
 import numpy as np
 import pytest
 import torch
+from ball_methods import CR_NERF as CONFIG
 from field_rays import SPACE, batch, context, noise, rays, samples, shaded, stays_finite
 
-from baselines.cr_nerf.config import CrNerfConfig, StyleConfig, TransformConfig, TransientConfig
 from baselines.cr_nerf.losses import cr_nerf_losses
 from baselines.cr_nerf.model import KEPT, CrNerfModel
 from baselines.training.images import TrainingImages
 from baselines.volumetric.compositing import INFINITE
 from baselines.volumetric.rays.photographs import as_seen
-
-STYLE = StyleConfig(channels=(8, 8, 16), side=24, rate=5e-3)
-TRANSIENTS = TransientConfig(
-    channels=8,
-    dilations=(1, 2),
-    side=24,
-    rate=1e-2,
-    at_first=0.05,
-    price=1.0,
-    relative=True,
-    typical="mean",
-)
-TRANSFORM = TransformConfig(size=8, hidden=(16,))
-CONFIG = CrNerfConfig(balls.SHORT, 8, STYLE, TRANSFORM, TRANSIENTS, photographs=16)
 
 
 def model(config=CONFIG, views=3):
@@ -129,7 +115,7 @@ def test_the_mean_style_is_the_style_where_all_photographs_are_the_same():
 
 
 def test_rays_see_their_views_style_or_the_mean_one():
-    made, of = model(replace(CONFIG, style=replace(STYLE, mean_share=0.5))), batch(50, view=1)
+    made, of = model(replace(CONFIG, style=replace(CONFIG.style, mean_share=0.5))), batch(50, view=1)
     with torch.no_grad():
         before = made(of.rays, context(of)).colour
         made._pictures[1] = 255 - made._pictures[1]

@@ -2,22 +2,15 @@
 
 from dataclasses import replace
 
-import balls
 import numpy as np
 import pytest
 import torch
+from ball_methods import HA_NERF as CONFIG
 from field_rays import SPACE, batch, context, noise, rays, stays_finite
 
-from baselines.ha_nerf.config import HaNerfConfig, LookConfig, VisibilityConfig
 from baselines.ha_nerf.losses import ha_nerf_losses
 from baselines.ha_nerf.model import HaNerfModel
 from baselines.volumetric.model import Rendering, Samples
-
-LOOK = LookConfig(size=8, channels=(8, 16, 16), side=24, rate=2e-3)
-VISIBILITY = VisibilityConfig(
-    code=16, octaves=4, width=32, layers=2, rate=1e-2, at_first=0.05, price=3.5, relative=True
-)
-CONFIG = HaNerfConfig(balls.SMALL, LOOK, VISIBILITY, photographs=16)
 
 
 def model(config=CONFIG, views=3):
@@ -89,7 +82,7 @@ def test_scoring_renders_the_scene_in_the_mean_look_of_the_views():
 
 
 def test_rays_see_their_views_look_or_the_mean_one():
-    made, of = model(replace(CONFIG, look=replace(LOOK, mean_share=0.5))), batch(50, view=1)
+    made, of = model(replace(CONFIG, look=replace(CONFIG.look, mean_share=0.5))), batch(50, view=1)
     with torch.no_grad():
         before = made(of.rays, context(of)).colour
         made._pictures[1] = 255 - made._pictures[1]

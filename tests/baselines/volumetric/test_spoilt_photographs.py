@@ -1,36 +1,17 @@
-"""What NeRF-W, Ha-NeRF and CR-NeRF are for: what single photographs have of their own stays out of the scene."""
+"""NeRF-W, Ha-NeRF and CR-NeRF keep out of the scene what single photographs have of their own."""
 
 from dataclasses import replace
 
 import balls
 import numpy as np
 import pytest
+from ball_methods import CR_NERF, HA_NERF
 from disturbed import behind_squares, disturbed, fitted, held_out, only_in_training
 
-from baselines.cr_nerf.config import CrNerfConfig, StyleConfig, TransformConfig, TransientConfig
 from baselines.cr_nerf.method import CrNerf
-from baselines.ha_nerf.config import HaNerfConfig, LookConfig, VisibilityConfig
 from baselines.ha_nerf.method import HaNerf
 from baselines.nerf_w import NerfW, NerfWConfig
 
-LOOK = LookConfig(size=8, channels=(8, 16, 16), side=24, rate=2e-3)
-VISIBILITY = VisibilityConfig(
-    code=16, octaves=4, width=32, layers=2, rate=1e-2, at_first=0.05, price=3.5, relative=True
-)
-STYLE = StyleConfig(channels=(8, 8, 16), side=24, rate=5e-3)
-TRANSFORM = TransformConfig(size=8, hidden=(16,))
-TRANSIENTS = TransientConfig(
-    channels=8,
-    dilations=(1, 2),
-    side=24,
-    rate=1e-2,
-    at_first=0.05,
-    price=1.0,
-    relative=True,
-    typical="mean",
-)
-HA_NERF = HaNerfConfig(balls.SMALL, LOOK, VISIBILITY, photographs=16)
-CR_NERF = CrNerfConfig(balls.SHORT, 8, STYLE, TRANSFORM, TRANSIENTS, photographs=16)
 NERF_W = NerfWConfig(balls.SHORT, transient_width=16, embedding_rate=3e-3)
 
 

@@ -7,6 +7,7 @@ import pytest
 import torch
 from disturbed import fitted
 from looks import (
+    BRIEF,
     GROWING,
     SPLATTING,
     cast,
@@ -27,18 +28,6 @@ from baselines.wild_gs.triplane import CHANNELS
 from hydroviews.metrics.psnr import psnr
 from hydroviews.scene.images import write_png
 
-# For a tenth of the iterations, and small pictures, which are looked at as they are.
-BRIEF = replace(
-    SHORT,
-    shrink=1,
-    side=32,
-    box=1.8,
-    renewed=50,
-    rate_encoder=5e-3,
-    rate_networks=2e-3,
-    rate_intrinsic=1e-2,
-    visible_from=0.05,
-)
 # Where light differs and nothing comes and goes: masks would take casts for that.
 LIGHT = replace(BRIEF, absent=0.0, visible_from=2.0)
 

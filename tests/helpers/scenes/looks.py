@@ -20,6 +20,7 @@ from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting_profiles import SHORT_RATES
 from baselines.training.images import read_images
 from baselines.training.torch_state import torch_threads
+from baselines.wild_gs.config import SHORT as LOOK
 from hydroviews.scene.images import write_png
 
 SPLATTING = TrainerConfig(
@@ -31,6 +32,18 @@ SPLATTING = TrainerConfig(
     device="cpu",
 )
 GROWING = replace(SPLATTING, iterations=12, strategy=DefaultStrategy(start=3, stop=11, every=4, grow_grad2d=1e-7))
+# Wild-GS for a tenth of the iterations, and small pictures, which are looked at as they are.
+BRIEF = replace(
+    LOOK,
+    shrink=1,
+    side=32,
+    box=1.8,
+    renewed=50,
+    rate_encoder=5e-3,
+    rate_networks=2e-3,
+    rate_intrinsic=1e-2,
+    visible_from=0.05,
+)
 
 
 def true_pictures(scene):
