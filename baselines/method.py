@@ -57,7 +57,7 @@ class TrainingSummary:
 
 @dataclass(frozen=True)
 class Citation:
-    """What a method follows, for people who compare with it. A field is empty if we know of nothing."""
+    """The publication and code that a method follows, for comparisons. A field is empty if we know of nothing."""
 
     title: str  # full name of the method
     paper: str = ""  # title of its publication
@@ -204,7 +204,7 @@ def profile_settings(profile: str, profiles: Mapping[str, Any]) -> Any:
 
 
 def citation_of(name: str) -> Citation | None:
-    """What the method of that name follows, without its wrappers; None if its class itself does not say."""
+    """The citation of a method by its name, without its wrappers; None if its class has none."""
     found: Citation | None = vars(find_method(name.partition("+")[0])).get("citation")
     return found
 

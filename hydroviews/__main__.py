@@ -165,7 +165,7 @@ def download_command(
 
 
 def is_packed(name: str) -> bool:
-    """Whether a name is the address or the file of a packed variant, and not a capture's name."""
+    """True for the address or the file of a packed variant, False for a capture's name."""
     path = name.partition("#")[0]
     return "://" in name or path.endswith(".zip") or Path(path).is_file()
 

@@ -1,4 +1,4 @@
-"""What a machine has of all that HydroViews uses, what it lacks, and what to do about it."""
+"""The parts that HydroViews uses: those that a machine has, those that it lacks, and what to do about these."""
 
 import importlib.util
 import os
@@ -123,7 +123,7 @@ def speed() -> Finding:
 
 
 def gpu() -> Finding:
-    """Whether training would use a GPU, and why not."""
+    """The GPU that a training would use, or the reason why it would use none."""
     from baselines.training.devices import FIX, NO_DEVICE, missing_for_cuda
 
     lacking = missing_for_cuda("gsplat")

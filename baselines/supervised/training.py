@@ -68,7 +68,7 @@ class SupervisedTraining(ABC):
         return next(self._first.parameters()).device
 
     def fingerprint(self, data: str) -> dict[str, Any]:
-        """What a checkpoint must agree with: the configuration, and in words what is learned from."""
+        """The identity of a training, which its checkpoint must have: the configuration, and the data in words."""
         return {"configuration": asdict(self.config), "data": data}
 
     def learn(self, batch: Any) -> dict[str, float]:

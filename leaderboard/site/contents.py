@@ -22,7 +22,7 @@ PLACE = ("scene", "profile", "track")  # of a run, what its scene's page is of
 
 @dataclass(frozen=True)
 class SuitePart:
-    """What the index has of a profile, track and suite (empty: scenes of none)."""
+    """A part of the index: a profile, a track and a suite (empty: scenes of none)."""
 
     profile: str
     track: str
@@ -114,7 +114,7 @@ def _page(name: str, runs: Sequence[ShownRun], suites: Sequence[SuitePart], scen
 
 
 def _citation(method: str) -> Citation | None:
-    """What a registered method follows, without its wrappers; a name of any other kind is not imported."""
+    """The citation of a registered method, without its wrappers; a name of any other kind is not imported."""
     return citation_of(method) if method.partition("+")[0] in registered(METHODS) else None
 
 

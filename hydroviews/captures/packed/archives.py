@@ -69,7 +69,7 @@ def unpack(capture: Path, version: int, archives: Path = FOLDER) -> bool:
         archives: folder of the archives.
 
     Returns:
-        Whether the folder now holds the archive's capture, or the same one as rendered here.
+        True if the folder now holds the archive's capture, or the same one as rendered here.
 
     Raises:
         InputError: the archive is damaged, or the disk is full.

@@ -113,7 +113,7 @@ def test_reused_buffers_change_nothing():
 
 
 def shifted(gaussians, view):
-    """Where splats move on the image [N, 2], and the reference's image by it."""
+    """Shifts of splats on the image [N, 2], zero, and the reference's image, which depends on them."""
     shift = torch.zeros(len(gaussians), 2, dtype=torch.float64, requires_grad=True)
     background = torch.from_numpy(BACKGROUND)
     return shift, reference.render(reference.tensors(gaussians), view, background, 0, shift=shift)

@@ -63,7 +63,7 @@ def test_a_free_mask_ends_at_the_closed_form(penalty):
 
 @pytest.mark.parametrize(("config", "scale"), [(PAPER, 0.5), (PAPER, 5.0), (ALWAYS, 1.0)])
 def test_the_network_ends_near_the_closed_form_at_any_level_of_loss(config, scale):
-    """Of drops that lie in the same place in all views, so that all that the network finds is masked."""
+    """Drops lie in the same place in all views, so that all that the network finds is masked."""
     pictures, drops = drop_pictures(0, fixed=True)
     masks = taught(pictures, scale * losses(drops), config)
     found = np.stack([masks.mask(k, (HEIGHT, WIDTH)) for k in range(len(pictures))])

@@ -18,7 +18,7 @@ Gradients = dict[str, NDArray]
 
 
 def random_weights(height: int, width: int, seed: int = 1) -> NDArray[np.float32]:
-    """Those of a linear loss [H, W, 3]."""
+    """Weights of a linear loss [H, W, 3]."""
     return np.random.default_rng(seed).normal(size=(height, width, 3)).astype(np.float32)
 
 

@@ -196,7 +196,7 @@ def test_the_same_seed_builds_the_same_scene(name):
 
 
 def eyes_of(name: str) -> np.ndarray:
-    """Where cameras of three seeds stand [N, 3]."""
+    """Places of the cameras of three seeds [N, 3]."""
     seeds = range(3)
     return np.array([c.centre for seed in seeds for c in place_cameras(DESIGNS[name].path, 60, 64, 48, seed)])
 

@@ -9,7 +9,7 @@ from hydroviews.rain.scene_statistics import SceneStatistics, survey
 
 @pytest.fixture(scope="session")
 def statistics(tmp_path_factory) -> SceneStatistics:
-    """Of a ring of nine small views around some points, without depth maps; read only."""
+    """Statistics of a ring of nine small views around some points, without depth maps; read only."""
     return survey(capture_in(tmp_path_factory.mktemp("capture") / "yard"), 0)
 
 

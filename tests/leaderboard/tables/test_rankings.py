@@ -65,7 +65,7 @@ def test_there_is_no_interval_below_four_scenes(count):
 
 
 def test_seeds_count_alike_and_are_paired():
-    """Of a method with one seed, the gain is over the floor's run with that seed."""
+    """The gain of a method with one seed is over the floor's run with that seed."""
     runs = [floor(seed=0), floor(seed=1), [run("ours", "pond", 30.0, seed=1)]]
     rows = table(*runs)
     rows.loc[(rows.method == "3dgs") & (rows.seed == 1), "psnr"] += 1

@@ -144,7 +144,7 @@ def test_cameras_at_one_place_are_told(room, points):
 
 
 def test_large_captures_are_sampled(room, monkeypatch):
-    """Of 300 views and 100,000 points, a few pictures are read, however many views there are."""
+    """A few pictures of 300 views with 100,000 points are read, however many views there are."""
     read = []
     monkeypatch.setattr(
         "hydroviews.formats.checks.samples.small_picture", lambda path: read.append(path) or read_image(path)
