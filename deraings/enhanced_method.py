@@ -7,7 +7,7 @@ DeRainGS's ablation (d), enhancement without masks, is `3dgs+enhance`; DeRainGS 
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -16,12 +16,11 @@ from baselines.training.images import TrainingImages, read_images
 from deraings.enhancement.views import EnhancedViews
 from deraings.enhancement.weights import DEFAULT, find_weights, load_enhancer
 from deraings.image_planes import Plane
-from deraings.lens.paleness import may_remove_mist, point_colours
+from deraings.lens.paleness import MistEvidence, evidence_of_scene
 from hydroviews.files.atomic import sha256
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
 from hydroviews.scene.masks import mask_name, write_ignored
-from hydroviews.scene.point_colours import PointColours
 from hydroviews.scene.scenes import Scene, View
 
 logger = logging.getLogger(__name__)
@@ -114,7 +113,7 @@ def enhanced_views(
     photographs: TrainingImages,
     weights: str,
     folder: Path,
-    points: Callable[[], PointColours] | None = None,
+    evidence: Callable[[], MistEvidence] | None = None,
 ) -> EnhancedViews:
     """The training photographs, each enhanced when it is first asked for; mist stays where it is foggy in the scene.
 
@@ -123,15 +122,17 @@ def enhanced_views(
         photographs: as read.
         weights: of the network, by name or path.
         folder: where enhanced pictures are kept, apart for other photographs and other weights.
-        points: looks up scene points in the photographs, if somebody has done so.
+        evidence: what photographs and scene points show of mist, if somebody has looked.
 
     Raises:
         InputError: no such weights.
     """
     enhancer = load_enhancer(weights)
     logger.info(enhancer.reason)
-    remove_mist = may_remove_mist(photographs, points or partial(point_colours, scene, photographs))
-    return EnhancedViews(photographs, [view.name for view in scene.train_views], enhancer, folder, remove_mist)
+    foggy = (evidence() if evidence else evidence_of_scene(scene, photographs)).foggy
+    if foggy:
+        logger.info("it is foggy in the scene: the network leaves mist and fog as they are")
+    return EnhancedViews(photographs, [view.name for view in scene.train_views], enhancer, folder, not foggy)
 
 
 def enhanced_scene(scene: Scene, views: EnhancedViews) -> Scene:

@@ -69,7 +69,8 @@ def surroundings(image: Image) -> Image:
     height, width = image.shape[:2]
     cells = within_side((height, width), CELLS)
     small = cv2.resize(image, cells[::-1], interpolation=cv2.INTER_AREA)
-    around = np.einsum("ij,jkc,lk->ilc", averages_around(cells[0]), small, averages_around(cells[1]), optimize=True)
+    columns = (averages_around(cells[0]) @ small.reshape(cells[0], -1)).reshape(small.shape)
+    around = averages_around(cells[1]) @ columns
     return np.asarray(cv2.resize(around, (width, height), interpolation=cv2.INTER_LINEAR), np.float32)
 
 

@@ -20,7 +20,7 @@ from baselines.training.images import TrainingImages, read_images
 from deraings.enhanced_method import KEPT, enhanced_views
 from deraings.enhancement.views import EnhancedViews
 from deraings.enhancement.weights import DEFAULT, find_weights
-from deraings.lens.paleness import point_colours
+from deraings.lens.paleness import evidence_of_scene
 from deraings.masks.config import MaskConfig
 from deraings.masks.occlusion_masks import OcclusionMasks
 from deraings.rain_model.config import RainConfig
@@ -121,11 +121,11 @@ class DeRainGS(GaussianSplatting):
         """
         config: DeRainGSConfig = self.config
         images = read_images(scene.train_views)
-        points = cache(partial(point_colours, scene, images))
-        views = enhanced_views(scene, images, config.weights, folder / KEPT, points) if config.weights else None
+        evidence = cache(partial(evidence_of_scene, scene, images))
+        views = enhanced_views(scene, images, config.weights, folder / KEPT, evidence) if config.weights else None
         if views and config.enhancement:
             images = views.training_images(clear=True)
-            points = cache(partial(point_colours, scene, images))
+            evidence = cache(partial(evidence_of_scene, scene, images))
             self.found["enhancement"] = config.enhancement + ("" if views.remove_mist else " leaving fog as it is")
         return RainObjective(
             images,
@@ -134,7 +134,7 @@ class DeRainGS(GaussianSplatting):
             config.splatting.lambda_dssim,
             masks=self._masks(images, views if config.enhancement else None),
             network=views if config.prior else None,
-            points=points,
+            evidence=evidence,
             covers=views,
         )
 

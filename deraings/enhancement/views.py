@@ -94,7 +94,7 @@ class EnhancedViews:
         Raises:
             InputError: a kept picture is damaged.
         """
-        return self._small_covers[index][..., DROPS].astype(np.float32) / 255
+        return np.multiply(self._small_covers[index][..., DROPS], np.float32(1 / 255), dtype=np.float32)
 
     def mean_drop_cover(self, index: int) -> Plane:
         """The mean of the same over the other photographs about the time of one [h, w]: what stays on the lens."""
@@ -142,7 +142,8 @@ class EnhancedViews:
         """
         hidden = self._images.ignored(index)
         shown = np.ones(self._images.pixels(index).shape[:2], np.bool_) if hidden is None else ~hidden
-        change = (self.image(index) - self._images.pixels(index) / np.float32(255)).mean(axis=2)
+        enhanced, photograph = self.training_images().pixels(index), self._images.pixels(index)
+        change = (enhanced.astype(np.float32) - photograph).mean(axis=2) / 255
         error = self.small_error(index)
         power = float(np.square(change[shown]).sum())
         noise = 0.0 if error is None else float(np.square(resized(error, shown.shape)[shown]).sum())

@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deraings.lens.mist_bounds import MistBounds
-from deraings.lens.paleness import MIN_FOG, Paleness, paleness_of
+from deraings.lens.paleness import MistEvidence
 from deraings.lens.time_knots import views_near
-from hydroviews.scene.point_colours import PointColours
 
 # Errors that photographs of one capture share, measured on development scenes: of the network as a share of its mean
 # and as mist_alpha, and of m in dry views.
@@ -42,26 +41,21 @@ class MistPrior(NamedTuple):
 
     mean: NDArray[np.float32]
     deviation: NDArray[np.float32]
-    paleness: Paleness | None  # what scene points show
+    evidence: MistEvidence  # what it is made of, beside the network
     predicted: float  # the median over the lens that a network predicts of mist_alpha; NaN where none does
     removed: NDArray[np.float32]  # the most that the network takes away of mist_alpha; 0 where it predicts none
 
 
-def mist_prior(
-    bounds: MistBounds,
-    network: Callable[[int], NetworkMist | None],
-    points: Callable[[], PointColours] | None = None,
-) -> MistPrior:
+def mist_prior(evidence: MistEvidence, network: Callable[[int], NetworkMist | None]) -> MistPrior:
     """The prior from all sources that there are.
 
     Args:
-        bounds: what the photographs allow of mist.
+        evidence: what photographs and scene points show.
         network: what a network predicts for the lens of a view; None where it predicts nothing.
-        points: looks up scene points in the photographs.
     """
+    bounds, paleness = evidence
     possible = bounds.possible
     sources = [(possible / 2, possible / np.sqrt(12))]
-    paleness = None if points is None else paleness_of(bounds, points)
     if paleness is not None:
         error = np.sqrt(paleness.mist_error**2 + POINTS_ERROR**2 + paleness.fog**2)
         sources.append((max(paleness.mist, 0.0) * possible, error * possible))
@@ -74,7 +68,7 @@ def mist_prior(
     removed = np.stack(
         [np.zeros_like(possible[0]) if source is None else source[0] + source[1] for source in predicted]
     )
-    return MistPrior(np.minimum(mean, bounds.max_alpha), deviation, paleness, light, removed)
+    return MistPrior(np.minimum(mean, bounds.max_alpha), deviation, evidence, light, removed)
 
 
 def mist_exists(prior: MistPrior, wet: bool) -> bool:
@@ -87,10 +81,11 @@ def mist_exists(prior: MistPrior, wet: bool) -> bool:
         prior: of the mist that there would be.
         wet: whether there are drops on the lens.
     """
-    if prior.paleness is not None and prior.paleness.fog >= MIN_FOG:
+    paleness = prior.evidence.paleness
+    if prior.evidence.foggy:
         return False
     if np.isnan(prior.predicted):
-        return prior.paleness is None or prior.paleness.mist >= LEAST_SHARE
+        return paleness is None or paleness.mist >= LEAST_SHARE
     return wet or prior.predicted >= LEAST_PREDICTED
 
 

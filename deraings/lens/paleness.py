@@ -11,8 +11,6 @@ points share m, the share of the possible mist that is there, and k, of fog. Lea
 are explained worst, by drops, streaks, gloss or occlusion, do not count.
 """
 
-import logging
-from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -24,8 +22,6 @@ from deraings.lens.mist_bounds import MistBounds, mist_bounds
 from hydroviews.scene.images import to_linear
 from hydroviews.scene.point_colours import PointColours, look_up_points
 from hydroviews.scene.scenes import Scene
-
-logger = logging.getLogger(__name__)
 
 MIN_VIEWS = 3  # that must show a point
 MIN_COLOURS = 1000  # in all, for a fit
@@ -45,40 +41,42 @@ class Paleness(NamedTuple):
     fog: float  # k, the share of its contrast to the mist's light that a point loses over the median depth
 
 
-def may_remove_mist(images: TrainingImages, points: Callable[[], PointColours]) -> bool:
-    """Whether a network may take mist off the images; not where the scene is foggy, which is logged.
+class MistEvidence(NamedTuple):
+    """What the photographs of a scene and its points show of mist."""
 
-    A network that sees single pictures takes fog for mist.
+    bounds: MistBounds
+    paleness: Paleness | None  # None where too few points are known
 
-    Args:
-        images: the training photographs.
-        points: looks up scene points in the images.
-    """
+    @property
+    def foggy(self) -> bool:
+        """Whether there is fog in the scene, which a network that looks at single pictures takes for mist."""
+        return self.paleness is not None and self.paleness.fog >= MIN_FOG
+
+
+def mist_evidence(images: TrainingImages, points: PointColours | None = None) -> MistEvidence:
+    """What photographs show of mist, and points in them, if they are known."""
     views = range(len(images))
     bounds = mist_bounds([images.pixels(i) for i in views], [images.ignored(i) for i in views])
-    pale = paleness_of(bounds, points)
-    foggy = pale is not None and pale.fog >= MIN_FOG
-    if foggy:
-        logger.info("it is foggy in the scene: the network leaves mist and fog as they are")
-    return not foggy
+    return MistEvidence(bounds, None if points is None else paleness_of(bounds, points))
 
 
-def paleness_of(bounds: MistBounds, points: Callable[[], PointColours]) -> Paleness | None:
-    """The paleness of points in photographs with these bounds; see `fit_paleness`."""
-    seen = points()
-    columns = list(enumerate(seen.views.tolist()))
-    possible = np.stack([bounds.at(view, seen.places[:, column]) for column, view in columns], axis=1)
-    dry = np.stack([bounds.dry_at(view, seen.places[:, column]) for column, view in columns], axis=1)
-    return fit_paleness(replace(seen, seen=seen.seen & dry), possible, bounds.colour)
-
-
-def point_colours(scene: Scene, images: TrainingImages) -> PointColours:
-    """The colours of a scene's points in its training images.
+def evidence_of_scene(scene: Scene, images: TrainingImages) -> MistEvidence:
+    """What the training photographs of a scene, as read, and its points show of mist; shows progress.
 
     Raises:
         InputError: a mask or depth map that cannot be read.
     """
-    return look_up_points(scene, lambda view: images.pixels(view) / np.float32(255), "mist or fog")
+    return mist_evidence(
+        images, look_up_points(scene, lambda view: images.pixels(view) / np.float32(255), "mist or fog")
+    )
+
+
+def paleness_of(bounds: MistBounds, seen: PointColours) -> Paleness | None:
+    """The paleness of points in photographs with these bounds; see `fit_paleness`."""
+    columns = list(enumerate(seen.views.tolist()))
+    possible = np.stack([bounds.at(view, seen.places[:, column]) for column, view in columns], axis=1)
+    dry = np.stack([bounds.dry_at(view, seen.places[:, column]) for column, view in columns], axis=1)
+    return fit_paleness(replace(seen, seen=seen.seen & dry), possible, bounds.colour)
 
 
 def fit_paleness(points: PointColours, possible: NDArray[np.float32], colour: NDArray[np.float32]) -> Paleness | None:

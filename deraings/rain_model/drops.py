@@ -212,6 +212,5 @@ class _Lens:
         """drop_alpha [h, w] and L [h, w, 3] at a view's time; 0 where nothing is known."""
         weights = time_weights(view, self._n_views, len(self.sums))
         alpha, light = np.empty(self.size, np.float32), np.empty((*self.size, 3), np.float32)
-        stays = np.tensordot(weights, self._stays, 1)
-        fit_lines(self.sums, weights, stays, np.float32(self._config.noise), CLEAR, WET, alpha, light)
+        fit_lines(self.sums, weights, self._stays, np.float32(self._config.noise), CLEAR, WET, alpha, light)
         return alpha, light

@@ -267,21 +267,28 @@ def add_view(photograph, seen, around, shown, keep, weight, sums):
 
 
 @inlined
-def average_times(sums, weights, row, mean):
-    """A row's sums [9, w] at the times that are weighed by weights [T], then over all that is known: means."""
-    mean[:] = ZERO
+def add_time(weight, values, total):
+    """Adds values [w], times a weight, to a total [w]."""
+    for i in range(values.shape[0]):
+        total[i] += weight * values[i]
+
+
+@inlined
+def average_times(sums, stays, weights, row, mean, surely):
+    """A row's means [9, w], sums over what is known, and `stays` [w], at the times weighed by weights [T]."""
+    mean[:], surely[:] = ZERO, ZERO
     for time in range(sums.shape[0]):
-        weight = weights[time]
-        if weight > ZERO:
+        if weights[time] > ZERO:
+            add_time(weights[time], stays[time, row], surely)
             for k in range(SUMS):
-                values, out = sums[time, row, k], mean[k]
-                for i in range(values.shape[0]):
-                    out[i] += weight * values[i]
-    seen = mean[SEEN]
+                add_time(weights[time], sums[time, row, k], mean[k])
+    seen, share = mean[SEEN], mean[SUMS]
+    for i in range(seen.shape[0]):
+        share[i] = ONE / max(seen[i], LEAST)
     for k in range(SEEN):
         out = mean[k]
         for i in range(seen.shape[0]):
-            out[i] *= ONE / max(seen[i], LEAST)
+            out[i] *= share[i]
 
 
 @inlined
@@ -308,14 +315,15 @@ def leave_clear(clear, wet, alpha, light):
 def fit_lines(sums, weights, stays, noise, clear, wet, alpha, light):
     """Fills alpha [h, w] and light L [h, w, 3] from sums [T, h, 9, w], those of the times weighed by weights [T].
 
-    alpha is what the slope lacks to one, times the probability `stays` [h, w]; up to `clear` it is taken for 0, from
-    `wet` on for what it is. Both are 0 where no view was shown.
+    alpha is what the slope lacks to one, times the probability `stays` [T, h, w]; up to `clear` it is taken for 0,
+    from `wet` on for what it is. Both are 0 where no view was shown.
     """
     height, width = sums.shape[1], sums.shape[3]
     for band in prange(BANDS):
-        mean, products = np.empty((SUMS, width), np.float32), np.empty((2, width), np.float32)
+        mean, products = np.empty((SUMS + 1, width), np.float32), np.empty((2, width), np.float32)
+        surely = np.empty(width, np.float32)
         for row in range(band * height // BANDS, (band + 1) * height // BANDS):
-            average_times(sums, weights, row, mean)
+            average_times(sums, stays, weights, row, mean, surely)
             mean_product(mean[:3], mean[3:6], products[0])
             mean_product(mean[3:6], mean[3:6], products[1])
             together, alone, seen, a_row = products[0], products[1], mean[SEEN], alpha[row]
@@ -323,7 +331,7 @@ def fit_lines(sums, weights, stays, noise, clear, wet, alpha, light):
             for i in range(width):
                 covariance, variance = product[i] - together[i], max(square[i] - alone[i], ZERO)
                 lost = ONE - (covariance + noise * noise) / (variance + noise * noise)
-                m = min(max(lost, ZERO), ONE) * stays[row, i]
+                m = min(max(lost, ZERO), ONE) * surely[i]
                 a_row[i] = m if seen[i] > ZERO else ZERO
             add_light(mean, a_row, light[row])
             leave_clear(clear, wet, a_row, light[row])
@@ -348,7 +356,7 @@ def exercise_kernels() -> None:
     toward_rain(pixel, pixel, ONE, ONE, plane, np.empty_like(plane))
     line_sums(plane, plane, shown, ONE, np.zeros((BANDS, 3)))
     add_view(pixel, pixel, pixel, shown, ONE, ONE, sums[0])
-    fit_lines(sums, np.ones(1, np.float32), plane.copy(), ONE, ZERO, ONE, plane, pixel)
+    fit_lines(sums, np.ones(1, np.float32), plane[None].copy(), ONE, ZERO, ONE, plane, pixel)
 
 
 def add_mist(image: Image, alpha: Plane, colour: NDArray[np.float32], out: Image) -> Image:

@@ -20,7 +20,7 @@ Behind falling rain, mist is learned from differences of pixels alone. SSIM asks
 photographs and renders have not, and less mist is the cheapest way there.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple
 
@@ -30,13 +30,12 @@ from numpy.typing import NDArray
 from baselines.splatting.kernels.adam import adam_step
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from deraings.image_planes import Plane
-from deraings.lens.mist_bounds import mist_bounds
 from deraings.lens.mist_prior import NetworkMist, mist_prior
+from deraings.lens.paleness import MistEvidence
 from deraings.lens.time_knots import time_weights
 from deraings.rain_model.config import MistConfig
 from deraings.rain_model.kernels import add_mist, mist_gradient
 from hydroviews.scene.images import Image
-from hydroviews.scene.point_colours import PointColours
 
 ADAM_MOMENTS = ("first", "second")
 NOISE = 0.02  # encoded
@@ -57,28 +56,24 @@ class Mist:
 
     def __init__(
         self,
-        pictures: Sequence[NDArray[np.uint8]],
+        evidence: MistEvidence,
         iterations: int,
         config: MistConfig,
-        hidden: Sequence[NDArray[np.bool_] | None] = (),
         network: Callable[[int], NetworkMist | None] = lambda _: None,
-        points: Callable[[], PointColours] | None = None,
     ) -> None:
         """The mist that is to be expected.
 
         Args:
-            pictures: [H, W, 3] each, in order of name.
+            evidence: what photographs and scene points show of mist.
             iterations: of the training.
             config: how mist is learned.
-            hidden: masks [H, W] of pixels that are not looked at.
             network: the mist that a network predicts on the lens of a view, if it does.
-            points: looks up scene points in the pictures.
         """
-        self._config, self._n_views, self._iterations = config, len(pictures), iterations
-        bounds = mist_bounds(pictures, hidden)
+        bounds = evidence.bounds
+        self._config, self._n_views, self._iterations = config, bounds.n_views, iterations
         self.expected = bounds.colour  # a, before anything is learned
         self.colour = self.expected.copy()  # a [3], linear light
-        self.prior = mist_prior(bounds, network, points)
+        self.prior = mist_prior(evidence, network)
         self._most = np.sqrt(np.minimum(config.slack * bounds.max_alpha, MOST_ALPHA))
         self.roots = np.minimum(np.sqrt(self.prior.mean + LEAST_ALPHA), self._most)  # sqrt(mist_alpha) [T, h, w]
         learned = {"roots": self.roots, "colour": self.colour}
@@ -127,7 +122,8 @@ class Mist:
         alpha = np.square(root)
         by_image, by_alpha, by_colour = mist_gradient(image, misted, alpha, self.colour, gradient, told, buffers)
         rows, columns = _spreading(root.shape, self.roots)
-        return by_image, self.with_priors(view, rows.T @ (2 * root * by_alpha) @ columns, by_colour)
+        by_alpha *= root
+        return by_image, self.with_priors(view, 2 * (rows.T @ by_alpha @ columns), by_colour)
 
     def with_priors(self, view: int, by_knots: NDArray[np.float32], by_colour: NDArray[np.float32]) -> MistGradient:
         """The gradient by all that is learned, with those of the prior and the penalties.
@@ -195,13 +191,16 @@ def difference_gradient(seen: Image, photograph: Image, weights: Plane | None) -
 
 def roughness_gradient(knots: NDArray[np.float32]) -> NDArray[np.float32]:
     """Of half the sum of squared differences of neighbouring knots [T, h, w], in space and in time."""
-    gradient = np.zeros_like(knots)
-    for axis in range(3):
-        along, values = np.moveaxis(gradient, axis, 0), np.moveaxis(knots, axis, 0)
-        steps = np.diff(values, axis=0)
-        along[1:] += steps
-        along[:-1] -= steps
-    return gradient
+    times, height, width = (_curvature(n) for n in knots.shape)
+    over_time = (times @ knots.reshape(len(knots), -1)).reshape(knots.shape)
+    return np.asarray(over_time + height @ knots + knots @ width, np.float32)
+
+
+@cache
+def _curvature(n: int) -> NDArray[np.float32]:
+    """[n, n]: n values on a line become the gradient of half the sum of squared differences of neighbours."""
+    steps = np.diff(np.eye(n, dtype=np.float32), axis=0)
+    return steps.T @ steps
 
 
 def _spreading(size: tuple[int, ...], roots: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

@@ -18,6 +18,7 @@ from baselines.training.images import Size, TrainingImages
 from deraings.enhancement.views import EnhancedViews
 from deraings.image_planes import Plane, product
 from deraings.lens.mist_prior import mist_exists
+from deraings.lens.paleness import MistEvidence, mist_evidence
 from deraings.rain_model.config import RainConfig
 from deraings.rain_model.drops import DropLayer, Drops
 from deraings.rain_model.kernels import warm_up
@@ -25,7 +26,6 @@ from deraings.rain_model.mist import Mist, MistGradient, difference_gradient
 from deraings.rain_model.occlusion import Occlusion
 from deraings.rain_model.rainfall import MIN_ALPHA, Observation, Rainfall
 from hydroviews.scene.images import Image
-from hydroviews.scene.point_colours import PointColours
 
 MIST, DROPS = "mist", "drops"
 COVERED = 0.5  # drop_alpha of a pixel that counts as covered, in reports
@@ -58,7 +58,7 @@ class RainModel:
         iterations: int,
         config: RainConfig,
         network: EnhancedViews | None = None,
-        points: Callable[[], PointColours] | None = None,
+        evidence: Callable[[], MistEvidence] | None = None,
         covers: EnhancedViews | None = None,
     ) -> None:
         """A model that has learned nothing of the rain yet.
@@ -68,7 +68,7 @@ class RainModel:
             iterations: of the training.
             config: which kinds of rain are modelled.
             network: the photographs as a network enhances them: evidence of mist and of falling rain.
-            points: looks up scene points in the photographs, evidence of mist on the lens.
+            evidence: what photographs and scene points show of mist; by default, what photographs alone do.
             covers: what a network predicts that drops cover of the photographs.
         """
         warm_up()
@@ -83,7 +83,8 @@ class RainModel:
             self.occlusion = Occlusion(covers, len(images), config.occlusion)
         if config.mist:
             predicted = network.lens_mist if network else lambda _: None
-            self.mist = Mist(pictures, iterations, config.mist, hidden, predicted, points)
+            shown = evidence() if evidence else mist_evidence(images)
+            self.mist = Mist(shown, iterations, config.mist, predicted)
             if not mist_exists(self.mist.prior, self.occlusion is not None and self.occlusion.wet):
                 self.off.add(MIST)
         if config.drops:
@@ -232,8 +233,8 @@ class RainModel:
             numbers |= {"mist_mean": max(a.mean() for a in alphas), "mist_max": max(a.max() for a in alphas)}
             numbers["mist_expected"] = self.mist.prior.mean.mean()
             numbers |= {f"mist_{channel}": light for channel, light in zip("rgb", self.mist.colour, strict=True)}
-            if self.mist.prior.paleness is not None:
-                numbers["fog"] = self.mist.prior.paleness.fog
+            if paleness := self.mist.prior.evidence.paleness:
+                numbers["fog"] = paleness.fog
         if self.drops:
             numbers["drops"] = max((self.drop_alpha(view, size) > COVERED).mean() for view, size in views.items())
         if self.occlusion:

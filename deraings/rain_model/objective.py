@@ -21,6 +21,7 @@ from baselines.training.images import Size, TrainingImages
 from baselines.training.torch_state import fetched, sent
 from deraings.enhancement.views import EnhancedViews
 from deraings.image_planes import Plane, product
+from deraings.lens.paleness import MistEvidence
 from deraings.masks.occlusion_masks import OcclusionMasks
 from deraings.rain_model.config import RainConfig
 from deraings.rain_model.drops import DropLayer
@@ -28,7 +29,6 @@ from deraings.rain_model.model import DROPS, MIST, RainModel
 from deraings.rain_model.on_gpu import RainOnGPU
 from deraings.rain_model.rainfall import Observation
 from hydroviews.scene.images import Image
-from hydroviews.scene.point_colours import PointColours
 
 GOLDEN = (5**0.5 - 1) / 2  # multiples of it, modulo 1, are spread evenly over [0, 1)
 KEPT_OF = 12  # one of so many views is kept from the scene at first
@@ -48,7 +48,7 @@ class RainObjective(Objective):
         lambda_dssim: float = 0.2,
         masks: OcclusionMasks | None = None,
         network: EnhancedViews | None = None,
-        points: Callable[[], PointColours] | None = None,
+        evidence: Callable[[], MistEvidence] | None = None,
         covers: EnhancedViews | None = None,
     ) -> None:
         """An objective that has learned nothing of the rain yet; what is not explained: see `RainModel`.
@@ -60,7 +60,7 @@ class RainObjective(Objective):
         """
         super().__init__(images, lambda_dssim)
         config = config or RainConfig()
-        self.model = RainModel(images, iterations, config, network, points, covers)
+        self.model = RainModel(images, iterations, config, network, evidence, covers)
         self.masks = masks
         self.enhanced = EnhancedTargets(network, len(images), iterations, config.enhanced) if network else None
         first, last = (round(share * iterations) for share in (config.start, config.trial))

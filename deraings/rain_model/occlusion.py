@@ -1,6 +1,6 @@
 """The probability r that drops hide a pixel of a view: one quantity, from three kinds of evidence.
 
-    pi  = s p + (1 - s) (1 - (1 - p) (1 - q))              before the render is looked at
+    pi  = p + (1 - s) (1 - p) q                            before the render is looked at
     r   = c pi l / (c pi l + 1 - pi)                       after; a pixel's share of the loss is 1 - r
 
 * q is what a network predicts that drops cover of the pixel in this view.
@@ -31,7 +31,7 @@ AROUND = 1 / 64  # longer sides of the view, across the square in which residual
 MOST = 0.95  # probability up to which pixels are hidden: what is hidden in all views is learned all the same
 LEAST_SCALE = 1 / 255  # of residuals: what an 8-bit photograph cannot show says nothing
 LEAST_SHARE = 1e-3  # of shown pixels around one: what none is known of has no residual
-LEAST_WET = 0.01  # mean cover; lenses of development scenes have 0.0001 at most, or 0.07 and more
+LEAST_WET = 0.01  # cover: mean of a wet lens, 0.07 and more in development scenes (0.0001 of dry ones); pi of a drop
 CHANNEL_MEAN = np.full((1, 3), 1 / 3, np.float32)
 
 
@@ -76,24 +76,22 @@ class Occlusion:
         """pi [H, W] of a view at (height, width), with lines of drops fitted to `n_lines` views."""
         config, s = self._config, np.float32(self.recurring)
         p = resized(self.mean_cover(view), size) * np.float32(config.pseudo_views / (config.pseudo_views + n_lines))
-        if s == 1:
-            return p
-        q = resized(self._network.small_drop_cover(view), size)
-        return s * p + (1 - s) * (1 - (1 - p) * (1 - q))
+        return p if s == 1 else p + (1 - s) * (1 - p) * resized(self._network.small_drop_cover(view), size)
 
-    def shown(self, prior: Plane, target: Target, render: Callable[[], Image]) -> Plane:
-        """1 - r [H, W], factors on each pixel's share of the loss.
+    def shown(self, prior: Plane, target: Target, render: Callable[[], Image]) -> Plane | None:
+        """1 - r [H, W], factors on each pixel's share of the loss; None, for 1, where no pixel may be a drop's.
 
         Args:
             prior: pi [H, W].
             target: the photograph, and what its mask shows.
             render: gives the view [H, W, 3] as it is seen through the rest of the rain, finite.
         """
-        config = self._config
-        likely = residual_likelihood(target, render(), config.trust)
+        if prior.max() < LEAST_WET:
+            return None
         pi = np.minimum(prior, np.float32(MOST))
-        odds = np.float32(config.cost) * pi * likely
-        return np.asarray((1 - pi) / (odds + 1 - pi), np.float32)
+        odds = residual_likelihood(target, render(), self._config.trust)
+        odds *= np.float32(self._config.cost) * pi / (1 - pi)
+        return np.asarray(1 / (1 + odds), np.float32)
 
 
 def residual_likelihood(target: Target, seen: Image, trust: float) -> Plane:
@@ -105,11 +103,11 @@ def residual_likelihood(target: Target, seen: Image, trust: float) -> Plane:
     residual, shown = cv2.transform(cv2.absdiff(target.image, seen), CHANNEL_MEAN), target.shown
     if shown is None:
         residual = cv2.blur(residual, (side, side))
-        known = residual[::2, ::2]  # one pixel in four: they are averages
+        known = residual[::4, ::4]  # one pixel in 16: they are averages
     else:
         shares = np.maximum(cv2.blur(shown, (side, side)), np.float32(LEAST_SHARE))
         residual = cv2.blur(residual * shown, (side, side)) / shares
-        known = residual[::2, ::2][shown[::2, ::2] > 0]
+        known = residual[::4, ::4][shown[::4, ::4] > 0]
     scale = max(float(np.median(known)) / np.log(2) if known.size else 0.0, LEAST_SCALE)
     ratio: NDArray[np.float32] = np.exp(np.minimum(residual / np.float32(2 * scale), np.float32(np.log(2 * trust)))) / 2
     return ratio

@@ -195,7 +195,7 @@ class Rainfall:
         shown = observed.photographed
         if self._network is None or (shown is not None and not shown.any()):
             return None
-        dry = self._network.image(view)
+        dry = self._network.training_images().pixels(view) / np.float32(255)
         found, by_scene = (alpha_between(observed.photograph, other, self.brightness) for other in (dry, even))
         median = np.median(found if shown is None else found[shown > 0])
         self.predicted += float(median), 1

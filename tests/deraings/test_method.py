@@ -12,13 +12,13 @@ from baselines.gaussian_splatting import GaussianSplatting
 from baselines.method import find_method
 from baselines.training.images import TrainingImages, read_images
 from baselines.training.torch_state import torch_threads
-from deraings import enhanced_method
 from deraings import method as methods
 from deraings.enhancement import views as enhanced_views
 from deraings.enhancement.architecture.network import EnhancementNetwork, NetworkConfig
 from deraings.enhancement.enhance import Enhanced
 from deraings.enhancement.views import EnhancedViews
 from deraings.enhancement.weights import FILES, find_weights, load_enhancer
+from deraings.lens.paleness import MistEvidence
 from deraings.method import DeRainGS, DeRainGSConfig, DeRainGSPlus, RainModelOnly, WithoutAttention
 from deraings.rain_model.config import RainConfig
 from hydroviews.errors import InputError
@@ -78,8 +78,7 @@ def test_other_weights_enhance_anew(scene, weights, tmp_path):
 
 @pytest.mark.parametrize("foggy", [False, True])
 def test_mist_is_not_taken_off_where_it_is_foggy(scene, weights, tmp_path, monkeypatch, caplog, foggy):
-    asked = []
-    monkeypatch.setattr(enhanced_method, "may_remove_mist", lambda images, points: asked.append(points()) or not foggy)
+    monkeypatch.setattr(MistEvidence, "foggy", foggy)
 
     def enhance(image, enhancer, remove_mist, lens):
         return Enhanced(image * np.float32(0.5 + 0.5 * remove_mist), None, None)
@@ -88,12 +87,12 @@ def test_mist_is_not_taken_off_where_it_is_foggy(scene, weights, tmp_path, monke
     method = DeRainGS(DeRainGSConfig(CONFIG, enhancement=str(weights)), 0)
     with caplog.at_level("INFO"):
         objective = method.objective(scene, tmp_path)
-    assert asked[0].seen.any()
     images = read_images(scene.train_views)
     factor = objective.images.pixels(0).mean() / images.pixels(0).mean()
     assert factor == pytest.approx(0.5 if foggy else 1, abs=0.01)
     assert ("leaving fog as it is" in method.found["enhancement"]) == foggy
     assert "enhancement weights from" in caplog.text
+    assert ("foggy in the scene" in caplog.text) == foggy
 
 
 def test_photographs_are_enhanced_only_when_they_are_asked_for(scene, weights, tmp_path):

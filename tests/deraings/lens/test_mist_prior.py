@@ -16,6 +16,7 @@ from deraings.lens.mist_prior import (
     mist_prior,
     weighed_mean,
 )
+from deraings.lens.paleness import MistEvidence, paleness_of
 
 ROWS = np.stack(np.meshgrid(np.linspace(0, 1, 6), np.linspace(0, 1, 5)), axis=2)
 CELL_ROWS = np.broadcast_to(((np.arange(16) + 0.5) / 16)[:, None, None], (16, 16, 2))
@@ -29,6 +30,10 @@ def bounds_of(even=0.05, times=2):
 
 def no_network(_):
     return None
+
+
+def prior_of(bounds, network, points=None):
+    return mist_prior(MistEvidence(bounds, None if points is None else paleness_of(bounds, points)), network)
 
 
 def sees(alpha, error=0.0):
@@ -47,15 +52,15 @@ def test_the_mean_of_sources_is_weighed_by_the_inverse_variances():
 
 def test_with_nothing_but_the_bound_any_mist_up_to_it_is_as_likely():
     bounds = bounds_of()
-    prior = mist_prior(bounds, no_network)
+    prior = prior_of(bounds, no_network)
     assert prior.mean == pytest.approx(bounds.possible / 2)
     assert prior.deviation == pytest.approx(np.maximum(bounds.possible / np.sqrt(12), LEAST), rel=1e-4)
-    assert prior.paleness is None
+    assert prior.evidence.paleness is None
 
 
 @pytest.mark.parametrize("alpha", [0.0, 0.3, 0.6])
 def test_a_network_that_is_sure_is_followed(alpha):
-    prior, alone = mist_prior(bounds_of(), sees(alpha)), mist_prior(bounds_of(), no_network)
+    prior, alone = prior_of(bounds_of(), sees(alpha)), prior_of(bounds_of(), no_network)
     middle = np.s_[:, 1:-1]  # cells end half of one before the edges of the lens
     assert prior.mean[middle] == pytest.approx(alpha * bounds_of().possible[middle], abs=0.03)
     assert (prior.deviation <= alone.deviation).all()
@@ -63,7 +68,7 @@ def test_a_network_that_is_sure_is_followed(alpha):
 
 def test_the_error_of_a_network_is_that_over_photographs_and_what_photographs_share():
     bounds = bounds_of()
-    found = mist_prior(bounds, sees(0.5, 0.02)).deviation[:, 2]
+    found = prior_of(bounds, sees(0.5, 0.02)).deviation[:, 2]
     mean = 0.5 * bounds.possible[:, 2]
     expected = weighed_mean(
         [
@@ -76,7 +81,7 @@ def test_the_error_of_a_network_is_that_over_photographs_and_what_photographs_sh
 
 def test_a_network_of_larger_error_is_followed_less():
     bounds = bounds_of()
-    means = [mist_prior(bounds, sees(0.0, error)).mean.mean() for error in (0.0, 0.05, 5.0)]
+    means = [prior_of(bounds, sees(0.0, error)).mean.mean() for error in (0.0, 0.05, 5.0)]
     assert means == sorted(means)
     assert means[0] < 0.2 * means[2]
     assert means[2] == pytest.approx(bounds.possible.mean() / 2, rel=0.01)
@@ -84,56 +89,53 @@ def test_a_network_of_larger_error_is_followed_less():
 
 def test_a_network_that_predicts_nothing_for_a_time_does_not_count():
     late = lambda view: sees(0.0)(view) if view >= VIEWS // 2 else None  # noqa: E731
-    assert np.array_equal(mist_prior(bounds_of(), late).mean, mist_prior(bounds_of(), no_network).mean)
+    assert np.array_equal(prior_of(bounds_of(), late).mean, prior_of(bounds_of(), no_network).mean)
     some = lambda view: sees(0.0)(view) if view % 5 == 0 else None  # noqa: E731
-    assert np.array_equal(mist_prior(bounds_of(), some).mean, mist_prior(bounds_of(), sees(0.0)).mean)
+    assert np.array_equal(prior_of(bounds_of(), some).mean, prior_of(bounds_of(), sees(0.0)).mean)
 
 
 def test_what_a_network_predicts_at_one_time_is_expected_then():
     drying = lambda view: sees(1.0 if view < VIEWS // 2 else 0.0)(view)  # noqa: E731
-    first, last = mist_prior(bounds_of(), drying).mean.mean(axis=(1, 2))
+    first, last = prior_of(bounds_of(), drying).mean.mean(axis=(1, 2))
     assert first > 3 * last
 
 
 @pytest.mark.parametrize("network", [no_network, sees(0.0, 0.3)])
 def test_points_that_show_mist_raise_what_is_expected(network):
-    means = [
-        mist_prior(bounds_of(), network, lambda share=share: pale_points(share)).mean.mean()
-        for share in (0.0, 0.5, 1.0)
-    ]
+    means = [prior_of(bounds_of(), network, pale_points(share)).mean.mean() for share in (0.0, 0.5, 1.0)]
     assert means == sorted(means)
     assert means[2] - means[0] > 0.03
 
 
 def test_points_alone_pull_from_the_middle_toward_what_they_show():
     bounds = bounds_of()
-    prior = mist_prior(bounds, no_network, lambda: pale_points(1.0))
-    assert prior.paleness.mist == pytest.approx(1.25, abs=0.15)
+    prior = prior_of(bounds, no_network, pale_points(1.0))
+    assert prior.evidence.paleness.mist == pytest.approx(1.25, abs=0.15)
     share = prior.mean[:, :-1] / bounds.possible[:, :-1]
     assert (share > 0.55).all()
-    assert (share < prior.paleness.mist).all()
-    assert (prior.deviation <= mist_prior(bounds, no_network).deviation).all()
+    assert (share < prior.evidence.paleness.mist).all()
+    assert (prior.deviation <= prior_of(bounds, no_network).deviation).all()
 
 
 def test_fog_widens_and_never_lowers_below_no_mist():
     """In fog points grow pale at all depths: what they show of mist counts for less."""
-    clear, foggy = (mist_prior(bounds_of(), no_network, lambda f=fog: pale_points(0.0, f)) for fog in (0.0, 1.0))
+    clear, foggy = (prior_of(bounds_of(), no_network, pale_points(0.0, fog)) for fog in (0.0, 1.0))
     somewhere = bounds_of().possible > 0
     assert (foggy.deviation > 1.05 * clear.deviation)[somewhere].all()
     for prior in (clear, foggy):
         assert (prior.mean >= 0).all()
-        assert prior.paleness is not None
+        assert prior.evidence.paleness is not None
 
 
 def test_too_few_points_say_nothing():
-    prior = mist_prior(bounds_of(), no_network, lambda: pale_points(points=10))
-    assert prior.paleness is None
-    assert np.array_equal(prior.mean, mist_prior(bounds_of(), no_network).mean)
+    prior = prior_of(bounds_of(), no_network, pale_points(points=10))
+    assert prior.evidence.paleness is None
+    assert np.array_equal(prior.mean, prior_of(bounds_of(), no_network).mean)
 
 
 def test_no_more_is_expected_than_the_photographs_allow():
     bounds = bounds_of(even=0.0)
-    prior = mist_prior(replace(bounds, max_alpha=bounds.possible / 4), sees(3.0))
+    prior = prior_of(replace(bounds, max_alpha=bounds.possible / 4), sees(3.0))
     assert prior.mean == pytest.approx(bounds.possible / 4)
 
 
@@ -149,5 +151,5 @@ def test_no_more_is_expected_than_the_photographs_allow():
     ],
 )
 def test_a_network_a_wet_lens_or_points_show_that_there_is_mist(network, share, fog, wet, exists):
-    prior = mist_prior(bounds_of(), network, lambda: pale_points(share, fog))
+    prior = prior_of(bounds_of(), network, pale_points(share, fog))
     assert mist_exists(prior, wet) == exists

@@ -7,7 +7,7 @@ from pale_points import AIR, TYPICAL_DEPTH, alpha_at, pale_points
 
 from baselines.training.images import TrainingImages
 from deraings.lens.mist_bounds import mist_bounds, mist_light
-from deraings.lens.paleness import MIN_VIEWS, fit_paleness, may_remove_mist, paleness_of
+from deraings.lens.paleness import MIN_VIEWS, fit_paleness, mist_evidence, paleness_of
 
 SIZE = panorama.HEIGHT, panorama.WIDTH
 ROWS = np.broadcast_to(np.linspace(0, 1, SIZE[0])[:, None, None], (*SIZE, 2))
@@ -65,7 +65,7 @@ def test_too_little_is_no_evidence():
 @pytest.mark.parametrize("mist", [0.0, 0.5])
 def test_photographs_say_where_mist_may_be_and_points_how_much_of_it_is_there(mist):
     bounds = mist_bounds(misted_pictures())
-    found = paleness_of(bounds, lambda: pale_points(mist, air=bounds.colour))
+    found = paleness_of(bounds, pale_points(mist, air=bounds.colour))
     assert found.mist == pytest.approx(mist / (1 - 0.2 * mist), abs=0.15)
 
 
@@ -78,19 +78,18 @@ def test_points_under_drops_do_not_count():
     points = pale_points(0.5, air=bounds.colour)
     points.colours[points.places[..., 1] > 0.8] = 128 / 255
     wet, dry = (
-        paleness_of(replace(bounds, masks=[None] * len(pictures)), lambda: points),
-        paleness_of(bounds, lambda: points),
+        paleness_of(replace(bounds, masks=[None] * len(pictures)), points),
+        paleness_of(bounds, points),
     )
     alone = replace(points, seen=points.seen & (points.places[..., 1] < 0.7))
-    expected = paleness_of(bounds, lambda: alone).mist
+    expected = paleness_of(bounds, alone).mist
     assert dry.mist == pytest.approx(expected, abs=0.1)
     assert abs(wet.mist - expected) > 0.2
 
 
-@pytest.mark.parametrize(("fog", "may"), [(0.0, True), (0.5, False)])
-def test_a_network_may_take_mist_off_where_it_is_not_foggy(fog, may, caplog):
+@pytest.mark.parametrize(("fog", "foggy"), [(0.0, False), (0.5, True)])
+def test_fog_in_the_scene_is_found(fog, foggy):
     images = TrainingImages(misted_pictures())
     air = mist_light([images.pixels(view) for view in range(len(images))])
-    with caplog.at_level("INFO"):
-        assert may_remove_mist(images, lambda: pale_points(0.5, fog, air=air)) == may
-    assert ("foggy in the scene" in caplog.text) == (not may)
+    assert mist_evidence(images, pale_points(0.5, fog, air=air)).foggy == foggy
+    assert not mist_evidence(images).foggy

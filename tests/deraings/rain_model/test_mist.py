@@ -5,7 +5,9 @@ from pretended_network import PretendedNetwork
 
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import photometric_loss, prepare_target
+from baselines.training.images import TrainingImages
 from deraings.lens.mist_prior import NetworkMist
+from deraings.lens.paleness import mist_evidence
 from deraings.rain_model.config import MistConfig
 from deraings.rain_model.kernels import add_mist
 from deraings.rain_model.mist import (
@@ -33,10 +35,14 @@ def pictures(scene):
     return panorama.eight_bit(panorama.misted(scene, panorama.slanted_mist(0.4), AIR))
 
 
+def mist_of(pictures, config=None, steps=STEPS, hidden=(), **network):
+    return Mist(mist_evidence(TrainingImages(pictures, hidden)), steps, config or MistConfig(), **network)
+
+
 def learn(scene, photographs, config=None, steps=STEPS, **sources):
     """Fit mist to photographs of a known scene."""
     pictures = panorama.eight_bit(photographs)
-    mist, buffers = Mist(pictures, steps, config or MistConfig(), **sources), BufferPool()
+    mist, buffers = mist_of(pictures, config, steps, **sources), BufferPool()
     targets = [prepare_target(picture) for picture in pictures]
     for step in range(steps):
         view = step % len(scene)
@@ -74,7 +80,7 @@ def test_dry_views_and_fog_in_the_scene_have_next_to_none(paler):
 def test_the_prior_pulls_even_mist_of_which_photographs_show_nothing(scene, start):
     """Even mist is as good as a scene of less contrast: the loss has no gradient by it."""
     pictures = panorama.eight_bit(panorama.misted(scene, np.full(SIZE, 0.4), AIR))
-    mist = Mist(pictures, STEPS, MistConfig())
+    mist = mist_of(pictures)
     even = np.full_like(mist.roots, 0.15)
     mist.prior = mist.prior._replace(mean=even, deviation=np.full_like(even, 0.03))
     mist.roots[:] = np.sqrt(start)
@@ -84,7 +90,7 @@ def test_the_prior_pulls_even_mist_of_which_photographs_show_nothing(scene, star
 
 
 def test_what_a_network_leaves_of_the_mist_and_what_it_takes_away_are_all_of_the_mist(scene, pictures):
-    mist = Mist(pictures, STEPS, MistConfig())
+    mist = mist_of(pictures)
     mist.roots[:] = np.sqrt(0.3)
     seen = mist.forward(scene[0], mist.spread(mist.knots(0), SIZE), np.empty_like(scene[0]))
     mist.prior = mist.prior._replace(removed=np.full_like(mist.roots, 0.1))
@@ -104,7 +110,7 @@ def prior_pull(mist, away):
 
 def test_the_prior_has_heavy_tails(pictures):
     """Photographs may show far more or less mist in a place: beyond a deviation the pull grows weaker again."""
-    mist = Mist(pictures, STEPS, MistConfig())
+    mist = mist_of(pictures)
     pulls = [prior_pull(mist, away) for away in (0.3, 1, 3, 10)]
     assert pulls[1] == max(pulls)
     assert 0 < pulls[3] < 0.4 * pulls[1]
@@ -114,7 +120,7 @@ def test_the_prior_has_heavy_tails(pictures):
 
 def test_the_gradient_of_prior_and_roughness_agrees_with_differences(pictures):
     config = MistConfig(prior=2e-3)
-    mist, rng = Mist(pictures, STEPS, config), np.random.default_rng(0)
+    mist, rng = mist_of(pictures, config), np.random.default_rng(0)
     mist.roots[:] = rng.uniform(0.2, 0.7, mist.roots.shape)
     mean, deviation = mist.prior.mean.astype(np.float64), mist.prior.deviation.astype(np.float64)
 
@@ -130,7 +136,7 @@ def test_the_gradient_of_prior_and_roughness_agrees_with_differences(pictures):
 
 
 def test_the_light_of_mist_is_held_near_what_is_expected_and_its_tint_more_loosely(pictures):
-    mist = Mist(pictures, STEPS, MistConfig())
+    mist = mist_of(pictures)
     pulls = []
     for shift in (np.full(3, 0.1), np.array([0.1, 0, -0.1])):
         mist.colour[:] = mist.expected + shift.astype(np.float32)
@@ -148,7 +154,7 @@ def test_the_tint_of_thin_mist_is_learned(scene):
 
 def test_mist_stays_within_what_photographs_allow(pictures):
     config = MistConfig(slack=1.0)
-    mist = Mist(pictures, STEPS, config)
+    mist = mist_of(pictures, config)
     for step in range(200):
         push(mist, by_roots=-1.0, by_colour=-1.0, iteration=step)
     alpha = mist.alpha(0, SIZE)
@@ -163,7 +169,7 @@ def test_mist_stays_within_what_photographs_allow(pictures):
 def test_the_steps_of_mist_fall_over_the_training(pictures):
     moved = []
     for iteration in (0, STEPS):
-        mist = Mist(pictures, STEPS, MistConfig())
+        mist = mist_of(pictures)
         before = mist.colour.copy()
         push(mist, by_colour=1e-3, iteration=iteration)
         moved.append(before - mist.colour)
@@ -172,7 +178,7 @@ def test_the_steps_of_mist_fall_over_the_training(pictures):
 
 def test_mist_that_comes_back_from_its_state_takes_the_same_steps(pictures):
     """Adam counts the steps that mist takes, which are not those of the training."""
-    one, other = Mist(pictures, STEPS, MistConfig()), Mist(pictures, STEPS, MistConfig())
+    one, other = mist_of(pictures), mist_of(pictures)
     for step in range(10):
         push(one, 1e-3, 1e-3, 2 * step)
     other.load_state_dict({name: value.copy() for name, value in one.state_dict().items()})

@@ -127,7 +127,7 @@ def seen_by_a_network(scene, share, shown=None):
 @pytest.mark.parametrize("share", [0.4, 0.7, 1.0])
 def test_how_much_of_the_streaks_a_network_sees_is_told_by_the_scene(scene, share):
     rain, network, layers = seen_by_a_network(scene, share)
-    assert network.asked
+    assert network.read
     products, squares = rain.predicted_along
     assert products / squares == pytest.approx(1 / share, rel=0.2)
     median = rain.predicted[0] / rain.predicted[1]
@@ -144,7 +144,7 @@ def test_a_network_that_sees_no_rain_takes_away_half_of_it_at_most(scene):
 def test_a_network_is_not_asked_where_it_does_not_rain(scene):
     network = PretendedNetwork(scene)
     watch(scene, learned(scene, 0), network=network)
-    assert not network.asked
+    assert not network.read
 
 
 def test_a_dry_picture_tells_alpha(scene):

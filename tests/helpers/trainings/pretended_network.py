@@ -44,7 +44,6 @@ class PretendedNetwork:
         self.pictures = [to_uint8(picture) for picture in pictures]
         self.covers, self.tells_cover, self.mist, self.error = covers, covers is not None, mist, error
         self.change_over_error, self.hidden = change, hidden
-        self.asked: list[int] = []
         self.read = 0
 
     def small_drop_cover(self, view: int) -> Plane:
@@ -58,10 +57,6 @@ class PretendedNetwork:
 
     def lens_mist(self, view: int) -> NetworkMist | None:
         return self.mist
-
-    def image(self, view: int) -> NDArray[np.float32]:
-        self.asked.append(view)
-        return self.pictures[view].astype(np.float32) / 255
 
     def training_images(self) -> TrainingImages:
         self.read += 1
