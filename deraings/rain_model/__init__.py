@@ -15,7 +15,7 @@ The scene and the layers minimise one objective, over views v and pixels x, with
     + lambda(t) c sum (1 - r) (1 - M) rho(E - B_left)       the enhanced photograph E
     + prior(V) + priors of a                                what photographs cannot tell
 
-    r = P(a drop hides the pixel | network, lens, residual)
+    r = P(a drop hides the pixel | network, lens)
 
 rho is the photometric loss (L1 and SSIM). B_left is B through the mist that E still has: what V exceeds the mist that
 the network takes away, its error included. lambda falls from 1 to 0; c is the share of what the network changes in a

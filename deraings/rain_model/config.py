@@ -57,13 +57,10 @@ class OcclusionConfig:
     Attributes:
         pseudo_views: views that the network's prediction counts for beside the lines of the drops.
         cost: of learning a drop, in units of the cost of leaving a pixel out, positive.
-        trust: most, at least 1, by which a residual multiplies or divides the odds: what is not learned yet has large
-            residuals, and would never be learned if they counted in full.
     """
 
     pseudo_views: float = 24.0
     cost: float = 4.0
-    trust: float = 2.0
 
 
 @dataclass(frozen=True)

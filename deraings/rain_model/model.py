@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from baselines.splatting.kernels.buffer_pool import BufferPool
-from baselines.splatting.kernels.photometric import Target
 from baselines.training.checkpoints import below, prefixed
 from baselines.training.images import Size, TrainingImages
 from deraings.enhancement.views import EnhancedViews
@@ -179,22 +178,16 @@ class RainModel:
         if self.mist and by_mist is not None:
             self.mist.update(by_mist, seen.iteration)
 
-    def weights(
-        self, render: Callable[[], Image], target: Target, view: int, iteration: int, drops: DropLayer | None = None
-    ) -> Plane | None:
+    def weights(self, view: int, size: Size, iteration: int, drops: DropLayer | None = None) -> Plane | None:
         """Factors [H, W] on pixels' shares of the loss, less where drops hide or cover the scene; None: all 1.
 
         Args:
-            render: gives the view [H, W, 3] as it is seen through all of the rain, finite.
-            target: the photograph.
             view: index of the view.
+            size: its height and width.
             iteration: of the training.
-            drops: the layer that the view is seen through at the photograph's size; by default it is looked up.
+            drops: the layer that the view is seen through at this size; by default it is looked up.
         """
-        size = target.pixels.shape[0], target.pixels.shape[1]
-        shown = None
-        if self.occlusion:
-            shown = self.occlusion.shown(self._hidden_prior(view, size), target, render)
+        shown = self.occlusion.shown(view, size, self._views_fitted(view)) if self.occlusion else None
         if self.drops and self.counts(DROPS, iteration):
             return product(shown, 1 - (drops or self.drops.layer(view, size)).alpha)
         return shown
@@ -215,8 +208,10 @@ class RainModel:
         return self.drops.layer(view, size).alpha if self.drops and counts else np.zeros(size, np.float32)
 
     def occluded(self, view: int, size: Size) -> Plane:
-        """The probability [H, W] that drops hide a pixel of a view at (height, width), before its render is known."""
-        return self._hidden_prior(view, size) if self.occlusion else np.zeros(size, np.float32)
+        """The probability [H, W] that drops hide a pixel of a view at (height, width)."""
+        if self.occlusion is None:
+            return np.zeros(size, np.float32)
+        return self.occlusion.prior(view, size, self._views_fitted(view))
 
     def report(self, views: dict[int, Size]) -> dict[str, float]:
         """Numbers of each layer; of what differs from view to view, the largest of some views.
@@ -273,9 +268,9 @@ class RainModel:
         parts = (MIST, self.mist), (DROPS, self.drops), *(self.rainfall.parts() if self.rainfall else ())
         return [(name, model) for name, model in parts if model is not None]
 
-    def _hidden_prior(self, view: int, size: Size) -> Plane:
-        assert self.occlusion
-        return self.occlusion.prior(view, size, self.drops.views_added(view) if self.drops else 0.0)
+    def _views_fitted(self, view: int) -> float:
+        """To how many views the lines of a view's drops have been fitted."""
+        return self.drops.views_added(view) if self.drops else 0.0
 
     def _behind_even_rain(self, rainfall: Rainfall, seen: Seen, buffers: BufferPool) -> Image:
         """The view [H, W, 3] without its single streaks and without drops."""

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from baselines.masking.pixel_weights import Comparison
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import Target, photometric_loss, prepare_target
 from baselines.splatting.objective import Objective, OnGPU
@@ -68,10 +67,20 @@ class RainObjective(Objective):
         self._on_gpu = RainOnGPU(self.model)
 
     def weights(
-        self, render: Callable[[], Image], view: int, size: Size, iteration: int, buffers: BufferPool
+        self,
+        render: Callable[[], Image],
+        view: int,
+        size: Size,
+        iteration: int,
+        buffers: BufferPool,
+        drops: DropLayer | None = None,
     ) -> Plane | None:
-        """See Objective: (1 - r) (1 - M), less where masks hide something, which learn, if due."""
-        return self._weights(self.comparison(render, view, size, iteration, buffers))
+        """See Objective: (1 - r) (1 - M), less where masks hide something, which learn, if due.
+
+        `drops` is the layer that the view is seen through, if it is known at its size.
+        """
+        mask = self.masks.weigh(self.comparison(render, view, size, iteration, buffers)) if self.masks else None
+        return product(self.model.weights(view, size, iteration, drops), mask)
 
     def __call__(self, image: Image, view: int, iteration: int, buffers: BufferPool) -> tuple[float, Image]:
         """See Objective; learns of the rain as well. Pixels that are not finite count for nothing."""
@@ -83,8 +92,7 @@ class RainObjective(Objective):
             return self.trial.look(image, target, view, iteration, buffers), np.zeros_like(image)
         seen = self.model.forward(image, view, iteration, buffers)
         shown = product(target.shown, finite)
-        compared = self.comparison(lambda: seen.image, view, size, iteration, buffers)
-        weights = product(self._weights(compared, seen.drops), shown)
+        weights = product(self.weights(lambda: seen.image, view, size, iteration, buffers, seen.drops), shown)
         observed = Observation(target.image, target.shown, shown, weights)
         if self.enhanced and self.enhanced.due(view, iteration):
             self.model.update(seen, observed, None, buffers)
@@ -160,11 +168,6 @@ class RainObjective(Objective):
         self.trial.load_state_dict(below("trial", arrays))
         if self.masks:
             self.masks.load_state_dict(below("masks", arrays))
-
-    def _weights(self, compared: Comparison, drops: DropLayer | None = None) -> Plane | None:
-        """See `weights`; `drops` is the layer that the view is seen through, if it is known at its size."""
-        shown = self.model.weights(compared.render, compared.target, compared.view, compared.iteration, drops)
-        return product(shown, self.masks.weigh(compared) if self.masks else None)
 
 
 class EnhancedTargets:

@@ -37,7 +37,7 @@ def step(model, photograph, scene_image, view, iteration, buffers):
     target = prepare_target((255 * photograph).round().astype(np.uint8))
     model.begin(iteration)
     seen = model.forward(scene_image, view, iteration, buffers)
-    weights = model.weights(lambda: seen.image, target, view, iteration)
+    weights = model.weights(view, SIZE, iteration)
     _, gradient = photometric_loss(seen.image, target, 0.2, weights, buffers)
     observed = Observation(photograph, None, None, weights)
     by_scene, by_mist = model.backward(seen, gradient, observed, buffers)
@@ -166,7 +166,7 @@ def test_a_layer_that_is_left_out_or_off_is_not_seen_through(model, views, layer
     assert not alpha.any()
     assert layer not in model.needed()
     if layer == DROPS:
-        assert model.weights(lambda: off.image, prepare_target(np.zeros((*SIZE, 3), np.uint8)), 3, 60) is None
+        assert model.weights(3, SIZE, 60) is None
 
 
 def test_drops_do_not_count_before_their_start(model, views):
@@ -189,8 +189,7 @@ def test_what_a_network_predicts_is_evidence_of_each_layer(views):
     report = model.report({3: SIZE})
     assert report["recurring"] == pytest.approx(1, abs=1e-3)
     assert report["occluded"] == pytest.approx(covers[3].mean(), rel=0.02)
-    target, seen = prepare_target(panorama.eight_bit(photographs)[3]), views[1][3]
-    weights = model.weights(lambda: seen, target, 3, 0)
+    weights = model.weights(3, SIZE, 0)
     assert weights[DROP].mean() < 0.3
     assert weights[:30].min() == 1
     assert model.settings()["network"] == "of a test"

@@ -1,15 +1,12 @@
-"""The probability that a drop hides a pixel: from a network, from what stays, and from the residual."""
+"""The probability that a drop hides a pixel: from a network, and from what stays."""
 
 import numpy as np
-import panorama
 import pytest
 from pretended_network import PretendedNetwork
 
-from baselines.splatting.kernels.photometric import prepare_target
 from deraings.image_planes import resized
 from deraings.rain_model.config import OcclusionConfig
-from deraings.rain_model.occlusion import MOST, Occlusion, residual_likelihood
-from hydroviews.scene.images import to_uint8
+from deraings.rain_model.occlusion import LEAST_WET, MOST, Occlusion
 
 COUNT, SIZE, DROP = 24, (60, 80), 4
 CONFIG = OcclusionConfig()
@@ -92,70 +89,15 @@ def test_the_prior_is_the_formula_of_the_page(size):
     assert occlusion.prior(2, size, 10) == pytest.approx(0.3 * p + 0.7 * (1 - (1 - p) * (1 - q)), abs=1e-5)
 
 
-@pytest.fixture(scope="module")
-def view():
-    return panorama.views_of(panorama.paint(), 1)[0]
+def test_what_is_shown_falls_with_the_probability_of_a_drop_and_is_never_nothing():
+    occlusion = occlusion_of(staying(0.4))
+    shown = occlusion.shown(0, SIZE, 0)
+    pi = occlusion.prior(0, SIZE, 0).astype(np.float64)
+    assert shown == pytest.approx((1 - pi) / (CONFIG.cost * pi + 1 - pi), abs=1e-5)
+    covered = occlusion_of(staying(1.0)).shown(0, SIZE, 0)[STAYS]
+    assert covered == pytest.approx((1 - MOST) / (CONFIG.cost * MOST + 1 - MOST), rel=1e-3)
 
 
-def target_of(image, ignored=None):
-    return prepare_target(to_uint8(image), ignored)
-
-
-def noisy(image, seed=2):
-    return np.clip(image + 0.03 * np.random.default_rng(seed).standard_normal(image.shape), 0, 1).astype(np.float32)
-
-
-def test_the_likelihood_of_a_residual_is_that_of_laplace_distributions(view):
-    """Around 3 x 3 pixels, with b from the median, in float64."""
-    seen = noisy(view)
-    residual = np.abs(to_uint8(view) / 255 - seen).mean(axis=2).astype(np.float64)
-    padded = np.pad(residual, 1, "reflect")
-    height, width = residual.shape
-    around = sum(padded[r : r + height, c : c + width] for r in range(3) for c in range(3)) / 9
-    b = np.median(around[::2, ::2]) / np.log(2)
-    expected = np.minimum(np.exp(around / (2 * b)) / 2, CONFIG.trust)
-    assert residual_likelihood(target_of(view), seen, CONFIG.trust) == pytest.approx(expected, rel=1e-3)
-
-
-@pytest.mark.parametrize("trust", [1.0, 2.0, 5.0])
-def test_the_likelihood_stays_within_a_half_and_trust(view, trust):
-    seen = noisy(view)
-    seen[10:22, 10:22], seen[30:40, 30:40] = 1, to_uint8(view)[30:40, 30:40] / np.float32(255)
-    likely = residual_likelihood(target_of(view), seen, trust)
-    assert likely.min() == pytest.approx(0.5, abs=1e-4)
-    assert likely.max() == pytest.approx(trust, rel=1e-4)
-    assert likely[14:18, 14:18].min() > 0.99 * trust
-
-
-def test_what_a_mask_hides_says_nothing(view):
-    """Hidden pixels are black: against the render they would be the largest residuals."""
-    ignored = np.zeros(view.shape[:2], bool)
-    ignored[:, :30] = True
-    seen = noisy(view)
-    likely = residual_likelihood(target_of(view, ignored), seen, CONFIG.trust)
-    other = np.where(ignored[..., None], np.float32(1), seen)
-    changed = residual_likelihood(target_of(view, ignored), other, CONFIG.trust)
-    assert changed[~ignored] == pytest.approx(likely[~ignored], rel=1e-4)
-    whole = residual_likelihood(target_of(view), seen, CONFIG.trust)
-    assert np.abs(likely - whole)[:, 32:].max() < 0.3
-    nothing = residual_likelihood(target_of(view, np.ones_like(ignored)), seen, CONFIG.trust)
-    assert np.isfinite(nothing).all()
-
-
-def test_what_is_shown_is_the_posterior_of_prior_and_residual(view):
-    seen, prior = noisy(view), np.random.default_rng(0).random(view.shape[:2]).astype(np.float32)
-    occlusion, target = occlusion_of(staying()), target_of(view)
-    likely = residual_likelihood(target, seen, CONFIG.trust).astype(np.float64)
-    pi = np.minimum(prior, MOST).astype(np.float64)
-    r = CONFIG.cost * pi * likely / (CONFIG.cost * pi * likely + 1 - pi)
-    assert occlusion.shown(prior, target, lambda: seen) == pytest.approx(1 - r, abs=1e-4)
-
-
-def test_a_drop_is_hidden_more_than_a_part_of_the_scene_that_a_network_takes_for_one(view):
-    drop, mistake = (slice(8, 20), slice(10, 22)), (slice(28, 40), slice(40, 52))
-    wet, prior = view.copy(), np.zeros(view.shape[:2], np.float32)
-    wet[drop] = panorama.shaded_drop(12, 12)
-    prior[drop] = prior[mistake] = 0.4
-    shown = occlusion_of(staying()).shown(prior, target_of(wet), lambda: noisy(view))
-    assert shown[drop][2:-2, 2:-2].mean() < shown[mistake].mean() - 0.1
-    assert shown[prior == 0].min() == 1
+def test_a_view_without_drops_is_shown_in_full():
+    assert occlusion_of(staying(LEAST_WET / 2)).shown(0, SIZE, 0) is None
+    assert occlusion_of(staying(2 * LEAST_WET)).shown(0, SIZE, 0) is not None
