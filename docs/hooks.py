@@ -226,8 +226,15 @@ def on_page_markdown(markdown: str, page: "Page", **_: object) -> str:
 
 
 def on_page_content(page_html: str, **_: object) -> str:
-    """Write formulas as MathML."""
-    return typeset(page_html)
+    """Write formulas as MathML; blocks of code, which may be too wide for a screen, are scrolled by keys as well."""
+    return typeset(page_html).replace("<pre><span></span><code>", '<pre><span></span><code tabindex="0">')
+
+
+def on_post_page(output: str, **_: object) -> str:
+    """Name the search for programs that read pages aloud: the theme leaves its dialog without a name."""
+    return output.replace(
+        'data-md-component="search" role="dialog"', 'data-md-component="search" role="dialog" aria-label="Search"'
+    )
 
 
 def typeset(text: str) -> str:
@@ -236,6 +243,7 @@ def typeset(text: str) -> str:
 
     def formula(match: re.Match) -> str:
         display = "block" if match[2] == "[" else "inline"
-        return convert(html.unescape(match[3]), display=display)
+        written = convert(html.unescape(match[3]), display=display)
+        return written.replace("<math ", '<math tabindex="0" ', 1) if display == "block" else written
 
     return FORMULA.sub(formula, text)
