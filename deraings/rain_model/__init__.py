@@ -7,25 +7,27 @@ that it blocks, in [0, 1]:
     T = encode((1 - V) decode(R) + V a)                             mist on the lens, linear light
     O = (1 - M) T + M C + L                                         drops on the lens, encoded values
 
-S is the median rain_alpha, D what single streaks of a view add to it; V is mist_alpha, on a coarse grid of the lens,
-and a its light; M is drop_alpha of every pixel of the lens, C the mean light around it and L the drop's own light.
-The scene and the layers minimise one objective, over views v and pixels x, with the photographs I:
+S is the median rain_alpha, and D the deviation of a view's single streaks from S, of either sign. V is mist_alpha, on a
+coarse grid of the lens, and a the light of the mist. M is drop_alpha of every pixel of the lens, C the mean light
+around the pixel, and L the drop's own light. The training minimises one objective over views v and pixels x, with the
+photographs I:
 
     sum (1 - r) (1 - M) rho(I - O)                          the photograph, through the rain
     + lambda(t) c sum (1 - r) (1 - M) rho(E - B_left)       the enhanced photograph E
-    + prior(V) + priors of a                                what photographs cannot tell
+    + prior(V) + prior(a)                                   what photographs cannot show
 
     r = P(a drop hides the pixel | network, lens)
 
-rho is the photometric loss (L1 and SSIM). B_left is B through the mist that E still has: what V exceeds the mist that
-the network takes away, its error included. lambda falls from 1 to 0; c is the share of what the network changes in a
-photograph that is not its own error. One term is drawn in each step. M, L, S and D follow in closed form from running
-means over photographs and renders. A network predicts E, its error, the covers in r and a part of prior(V); without one
-the other sources are left.
+rho is the photometric loss (L1 and SSIM). B_left is B behind the mist that E still has: the part of V beyond the mist
+that the network removes, its error included. lambda falls from 1 to 0. c is the share of the network's change of a
+photograph that is not the network's own expected error. Each step uses one of the first two terms: the second one with
+the probability lambda c. M, L, S and D follow in closed form from running means over photographs and renders. A network
+predicts E, its error, the covers in r, a part of prior(V), and a part of S and D. Without a network, the other sources
+are left.
 
-Drops count on once they predict photographs better than their absence does, on views that are kept from the scene at
-first, by more than two standard errors; mist counts no more once it predicts worse by as much. Falling rain, which no
-other view predicts, counts as far as differences of photographs and renders are skewed along one direction.
+Some views are kept from the scene at first, and a layer's gain is how much better it predicts them. Drops are left out
+for the rest of the training if their gain is below 2 standard errors, mist if its gain is below -2. Falling rain, which
+no other view predicts, counts as far as differences of photographs and renders are skewed along one direction.
 
     config.py             all settings
     objective.py          RainObjective: the steps, the enhanced photographs, the trial of the layers
