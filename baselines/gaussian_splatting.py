@@ -90,10 +90,12 @@ class GaussianSplatting(Method):
         """See Method."""
         if self._objective is None:
             return None
-        weights = self._objective.pixel_weights
+        hidden, weights = self._objective.hidden(view, size), self._objective.pixel_weights
         if weights is None:
-            return self._objective.hidden(view, size)
-        return weights.hidden(view, size, lambda: self.render(self._cameras[view].resized(size[1], size[0])))
+            return hidden
+        ignored = weights.hidden(view, size, lambda: self.render(self._cameras[view].resized(size[1], size[0])))
+        known = [plane for plane in (hidden, ignored) if plane is not None]
+        return np.maximum.reduce(known) if known else None
 
     @property
     def splatting(self) -> TrainerConfig:

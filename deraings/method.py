@@ -14,6 +14,7 @@ from baselines.gaussian_splatting import GaussianSplatting
 from baselines.method import Citation
 from baselines.splatting.backends.base import GSPLAT
 from baselines.splatting.config import TrainerConfig
+from baselines.splatting.objective import Objective
 from baselines.splatting_profiles import PROFILES
 from baselines.training.devices import chosen_device
 from baselines.training.images import TrainingImages, read_images
@@ -30,8 +31,6 @@ from hydroviews.files.atomic import sha256
 from hydroviews.scene.scenes import Scene
 
 SHORT_TRAINING = 2000  # iterations, below which a training is short
-OCCLUSION_ALONE = RainConfig(mist=None, drops=None, rainfall=None, enhanced=0.0)
-NO_RAIN = replace(OCCLUSION_ALONE, occlusion=None)
 
 
 @dataclass(frozen=True)
@@ -42,7 +41,7 @@ class DeRainGSConfig:
         splatting: how the Gaussians are trained, as for plain 3DGS.
         enhancement: weights, by name or path; the scene is then learned from enhanced photographs.
         masks: occlusion masks; None for none.
-        rain: kinds of rain that are modelled where the photographs call for them.
+        rain: kinds of rain that are modelled where the photographs call for them; None for no model of rain.
         prior: weights, by name or path; the network is then a second opinion on mist and single streaks; the
             scene is learned from the photographs as they are, and behind mist that the network knows from enhanced
             ones as well.
@@ -55,7 +54,7 @@ class DeRainGSConfig:
     splatting: TrainerConfig
     enhancement: str | None = None
     masks: MaskConfig | None = None
-    rain: RainConfig = NO_RAIN
+    rain: RainConfig | None = None
     prior: str | None = None
     weights_sha256: str | None = None
 
@@ -76,8 +75,7 @@ def masks_for(splatting: TrainerConfig, **changed: Any) -> MaskConfig:
 
 def paper_config(splatting: TrainerConfig, **changed: Any) -> DeRainGSConfig:
     """The paper's method, with masks that are changed in some settings."""
-    masks = masks_for(splatting, **changed)
-    return DeRainGSConfig(splatting, enhancement=DEFAULT, masks=masks, rain=OCCLUSION_ALONE)
+    return DeRainGSConfig(splatting, enhancement=DEFAULT, masks=masks_for(splatting, **changed))
 
 
 def profiles(configure: Callable[[TrainerConfig], DeRainGSConfig]) -> dict[str, DeRainGSConfig]:
@@ -86,10 +84,7 @@ def profiles(configure: Callable[[TrainerConfig], DeRainGSConfig]) -> dict[str, 
 
 
 class DeRainGS(GaussianSplatting):
-    """DeRainGS (Liu et al. 2025), re-implemented: enhanced photographs, and masks with spectral channel attention.
-
-    Drops that are new in every view, which leave no trace for masks, are hidden as the network sees them.
-    """
+    """DeRainGS (Liu et al. 2025), re-implemented: enhanced photographs, and masks with spectral channel attention."""
 
     citation = Citation(
         title="DeRainGS, re-implemented",
@@ -101,8 +96,6 @@ class DeRainGS(GaussianSplatting):
 
     profiles: ClassVar[Mapping[str, Any]] = profiles(paper_config)
 
-    _objective: RainObjective | None
-
     @classmethod
     def configuration(cls, profile: str) -> Any:
         """See GaussianSplatting.
@@ -113,7 +106,7 @@ class DeRainGS(GaussianSplatting):
         config: DeRainGSConfig = super().configuration(profile)
         return replace(config, weights_sha256=sha256(find_weights(config.weights))) if config.weights else config
 
-    def objective(self, scene: Scene, folder: Path) -> RainObjective:
+    def objective(self, scene: Scene, folder: Path) -> Objective:
         """See GaussianSplatting; enhanced views are kept in `folder`.
 
         Raises:
@@ -127,12 +120,15 @@ class DeRainGS(GaussianSplatting):
             images = views.training_images(clear=True)
             evidence = cache(partial(evidence_of_scene, scene, images))
             self.found["enhancement"] = config.enhancement + ("" if views.remove_mist else " leaving fog as it is")
+        masks = self._masks(images, views if config.enhancement else None)
+        if config.rain is None:
+            return Objective(images, config.splatting.lambda_dssim, pixel_weights=masks)
         return RainObjective(
             images,
             config.splatting.iterations,
             config.rain,
             config.splatting.lambda_dssim,
-            masks=self._masks(images, views if config.enhancement else None),
+            pixel_weights=masks,
             network=views if config.prior else None,
             evidence=evidence,
             covers=views,
@@ -152,9 +148,9 @@ class DeRainGS(GaussianSplatting):
         """What was learned of the rain in the training views, after `fit`.
 
         Raises:
-            InputError: not trained here; a model that was loaded holds the scene alone.
+            InputError: not trained here, or without a model of rain; a model that was loaded holds the scene alone.
         """
-        if self._objective is None:
+        if not isinstance(self._objective, RainObjective):
             raise InputError(f"{type(self).__name__}: no rain has been learned", fix="call fit first")
         return self._objective
 

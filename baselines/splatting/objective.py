@@ -150,7 +150,7 @@ class Objective:
         return {} if self.pixel_weights is None else self.pixel_weights.report()
 
     def hidden(self, view: int, size: Size) -> Plane | None:
-        """See Method, for objectives without pixel weights; None if no pixels are ignored."""
+        """See Method: what is ignored beside the pixel weights' share; None if no pixels are."""
         return None
 
     def settings(self) -> dict[str, Any]:

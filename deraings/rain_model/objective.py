@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
+from baselines.masking.pixel_weights import PixelWeights
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import Target, photometric_loss, prepare_target
 from baselines.splatting.objective import Objective, OnGPU
@@ -21,7 +22,6 @@ from baselines.training.torch_state import fetched, sent
 from deraings.enhancement.views import EnhancedViews
 from deraings.image_planes import Plane, product
 from deraings.lens.paleness import MistEvidence
-from deraings.masks.occlusion_masks import OcclusionMasks
 from deraings.rain_model.config import RainConfig
 from deraings.rain_model.drops import DropLayer
 from deraings.rain_model.model import DROPS, MIST, RainModel
@@ -45,7 +45,7 @@ class RainObjective(Objective):
         iterations: int,
         config: RainConfig | None = None,
         lambda_dssim: float = 0.2,
-        masks: OcclusionMasks | None = None,
+        pixel_weights: PixelWeights | None = None,
         network: EnhancedViews | None = None,
         evidence: Callable[[], MistEvidence] | None = None,
         covers: EnhancedViews | None = None,
@@ -55,12 +55,11 @@ class RainObjective(Objective):
         Args:
             config: which kinds of rain are modelled; all of them by default.
             lambda_dssim: lambda of the photometric loss.
-            masks: occlusion masks to be learned as well; they weigh the loss that the rain model leaves.
+            pixel_weights: such as occlusion masks; they weigh the loss that the rain model leaves.
         """
-        super().__init__(images, lambda_dssim)
+        super().__init__(images, lambda_dssim, pixel_weights=pixel_weights)
         config = config or RainConfig()
         self.model = RainModel(images, iterations, config, network, evidence, covers)
-        self.masks = masks
         self.enhanced = EnhancedTargets(network, len(images), iterations, config.enhanced) if network else None
         first, last = (round(share * iterations) for share in (config.start, config.trial))
         self.trial = Trial(self.model, len(images), first, last)
@@ -75,12 +74,12 @@ class RainObjective(Objective):
         buffers: BufferPool,
         drops: DropLayer | None = None,
     ) -> Plane | None:
-        """See Objective: (1 - r) (1 - M), less where masks hide something, which learn, if due.
+        """See Objective: (1 - r) (1 - M), times the pixel weights.
 
         `drops` is the layer that the view is seen through, if it is known at its size.
         """
-        mask = self.masks.weigh(self.comparison(render, view, size, iteration, buffers)) if self.masks else None
-        return product(self.model.weights(view, size, iteration, drops), mask)
+        weights = super().weights(render, view, size, iteration, buffers)
+        return product(self.model.weights(view, size, iteration, drops), weights)
 
     def __call__(self, image: Image, view: int, iteration: int, buffers: BufferPool) -> tuple[float, Image]:
         """See Objective; learns of the rain as well. Pixels that are not finite count for nothing."""
@@ -128,11 +127,9 @@ class RainObjective(Objective):
         return photometric_loss(seen.image, self.target(view), self.lambda_dssim, buffers=buffers)[0]
 
     def hidden(self, view: int, size: Size) -> Plane:
-        """How much of each pixel [H, W] of a view of (height, width) is taken for rain, or masked, after training."""
+        """How much of each pixel [H, W] of a view of (height, width) is taken for rain after training."""
         model = self.model
         covers = [cover(view, size) for cover in (model.mist_alpha, model.drop_alpha, model.occluded, model.rain_alpha)]
-        if self.masks:
-            covers.append(self.masks.mask(view, size))
         left = np.prod([1 - cover for cover in covers], axis=0)
         return np.clip(1 - left, 0, 1).astype(np.float32)
 
@@ -140,8 +137,8 @@ class RainObjective(Objective):
         """What was found of the rain, in the first, the middle and the last view.
 
         Returns:
-            `needed`: the layers that count, then numbers of all; see `RainModel.report` and `Trial.report`. `masks` is
-            the mean of the masks, and `enhanced` the share of the first steps that compare with enhanced photographs.
+            `needed`: the layers that count, then numbers of all; see `RainModel.report` and `Trial.report`. `enhanced`
+            is the share of the first steps that compare with enhanced photographs. Then what pixel weights report.
         """
         last = len(self.images) - 1
         shapes = {view: self.images.pixels(view).shape for view in (0, last // 2, last)}
@@ -149,9 +146,8 @@ class RainObjective(Objective):
         numbers |= self.trial.report()
         if self.enhanced:
             numbers["enhanced"] = self.enhanced.share
-        if self.masks:
-            numbers["masks"] = self.masks.report()["mask_mean"]
-        return {"needed": self.model.needed(), **{name: round(value, 4) for name, value in numbers.items()}}
+        found = {name: round(value, 4) for name, value in numbers.items()}
+        return {"needed": self.model.needed(), **found, **super().report()}
 
     def settings(self) -> dict[str, Any]:
         """See Objective."""
@@ -159,15 +155,13 @@ class RainObjective(Objective):
 
     def state_dict(self) -> dict[str, NDArray]:
         """See Objective."""
-        masks = self.masks.state_dict() if self.masks else {}
-        return self.model.state_dict() | prefixed("trial", self.trial.state_dict()) | prefixed("masks", masks)
+        return super().state_dict() | self.model.state_dict() | prefixed("trial", self.trial.state_dict())
 
     def load_state_dict(self, arrays: dict[str, NDArray]) -> None:
         """See Objective."""
+        super().load_state_dict(arrays)
         self.model.load_state_dict(arrays)
         self.trial.load_state_dict(below("trial", arrays))
-        if self.masks:
-            self.masks.load_state_dict(below("masks", arrays))
 
 
 class EnhancedTargets:

@@ -12,7 +12,6 @@ from baselines.gaussian_splatting import GaussianSplatting
 from baselines.method import find_method
 from baselines.training.images import TrainingImages, read_images
 from baselines.training.torch_state import torch_threads
-from deraings import method as methods
 from deraings.enhancement import views as enhanced_views
 from deraings.enhancement.architecture.network import EnhancementNetwork, NetworkConfig
 from deraings.enhancement.enhance import Enhanced
@@ -159,7 +158,7 @@ def test_methods_are_found_and_differ_in_their_switches():
     paper = DeRainGS.configuration("demo")
     assert paper.enhancement
     assert paper.masks
-    assert paper.rain == methods.OCCLUSION_ALONE
+    assert paper.rain is None
     assert paper.splatting == GaussianSplatting.configuration("demo")
     assert paper.splatting == plus.splatting
     less = WithoutAttention.configuration("demo")

@@ -171,7 +171,7 @@ def test_masks_learn_from_the_loss_and_weigh_it():
             return plane
 
     masks = Left(TrainingImages(panorama.eight_bit(scene)), 10, 0, MaskConfig(start=0.2, every=2))
-    objective = objective_of(scene, NOTHING, masks=masks)
+    objective = objective_of(scene, NOTHING, pixel_weights=masks)
     (_, gradient), *_ = steps(objective, renders(scene), 0, 3)
     size = panorama.HEIGHT, panorama.WIDTH
     assert learned == [(0, 0, size), (2, 2, size)]
@@ -191,18 +191,14 @@ def test_what_is_wholly_behind_a_drop_teaches_the_scene_nothing():
     assert gradient[:, 36:].any()
 
 
-def test_what_is_hidden_is_the_union_of_rain_and_masks():
-    scene = scene_of(8)
-    masks = OcclusionMasks(TrainingImages(panorama.eight_bit(scene)), 10, 0, MaskConfig())
-    masks.mask = lambda view, size: np.full(size, 0.5, np.float32)
-    objective = objective_of(scene, NOTHING)
+def test_what_is_hidden_is_what_rain_covers():
+    objective = objective_of(scene_of(8), NOTHING)
     size = panorama.HEIGHT, panorama.WIDTH
     assert not objective.hidden(0, size).any()
-    objective.masks = masks
     objective.model.drop_alpha = lambda view, size: np.eye(*size, dtype=np.float32)
     hidden = objective.hidden(0, size)
     assert (hidden.dtype, hidden.shape) == (np.float32, size)
-    assert np.array_equal(hidden, np.where(np.eye(*size) == 1, 1, 0.5))
+    assert np.array_equal(hidden, np.eye(*size))
 
 
 def test_what_was_found_and_the_settings_can_be_written_down():
