@@ -47,7 +47,8 @@ GAUSSIANS, SIZE = 30_000, (400, 300)
 SPLATTING, CONVOLUTIONS = "splatting", "convolutions"  # steps by Numba's threads, and by torch's
 WAITING: dict[str, dict[str, str]] = {  # how long a thread of libgomp spins before it sleeps: the environment
     "spin": {"GOMP_SPINCOUNT": "300000"},  # libgomp's own default
-    "spin shortly": {},  # as commands do
+    "spin shortly": {"GOMP_SPINCOUNT": "10000"},
+    "ours": {},  # as commands do: like one of the others, by what runs when they start
     "sleep": {"OMP_WAIT_POLICY": "passive"},
 }
 

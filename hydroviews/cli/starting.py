@@ -5,27 +5,46 @@ It imports nothing of ours, so that nothing takes long before it.
 
 import os
 import signal
+import time
+from pathlib import Path
 
-# How often a thread of libgomp looks for work before it sleeps; 300,000 is usual. Beside two other processes on two
-# cores a training takes 43 steps a second instead of 20, and on an idle machine about 95 instead of 98.
-SPINS = "10000"
+# How often a thread of libgomp looks for work before it sleeps; 300,000 is usual. On an idle machine of two cores a
+# training takes about 95 steps a second with 10,000 and 85 with none; beside two other processes 43 and 54.
+SPINS, SPINS_IF_BUSY = "10000", "0"
+LOAD, LOOKS, PAUSE = Path("/proc/loadavg"), 5, 0.004  # how often to look who runs, and seconds between
 ENDED = "\nended by {}; the same command goes on from here"
 
 
 def begin() -> None:
     """Let this process end at once, without a traceback of its imports, until `commands.run_command` takes over.
 
-    Threads that wait for others soon sleep, which leaves cores to other processes.
+    Threads that wait for others soon sleep, and at once where other processes run: that leaves cores to them.
 
     OpenCV keeps its own words on damaged files to itself, here and in processes that this one starts: our errors name
     the file.
     """
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
-    os.environ.setdefault("GOMP_SPINCOUNT", SPINS)
+    if "GOMP_SPINCOUNT" not in os.environ:
+        os.environ["GOMP_SPINCOUNT"] = SPINS_IF_BUSY if others_run(os.cpu_count() or 1) else SPINS
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
         signal.signal(signal.SIGTERM, _end)
+
+
+def others_run(cores: int, load: Path = LOAD) -> bool:
+    """Whether other threads run, or wait for a core, at least one for two cores; False if the system does not count.
+
+    It looks a few times: the load average would remember the command before this one for minutes.
+    """
+    try:
+        running = []
+        for _ in range(LOOKS):
+            running.append(int(load.read_text().split()[3].partition("/")[0]))
+            time.sleep(PAUSE)
+    except (OSError, IndexError, ValueError):
+        return False
+    return 2 * (min(running) - 1) >= cores
 
 
 def _end(number: int, _: object) -> None:
