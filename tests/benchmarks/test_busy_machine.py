@@ -27,12 +27,14 @@ def test_fair_is_a_threads_share_of_the_cores(steps, threads, competing, share):
 
 def test_a_share_is_of_the_idle_machine_with_threads_as_they_wait_by_default():
     def steps_of(case, others, seconds):
-        return {"spin": 50.0, "spin shortly": 49.0, "sleep": 40.0}[case.waiting] / (1 + others / case.threads)
+        return {"spin": 50.0, "spin shortly": 49.0, "ours": 49.0, "sleep": 40.0}[case.waiting] / (
+            1 + others / case.threads
+        )
 
     chosen = cases([Path("a"), Path("b")])
-    assert len({(case.work, case.threads, case.waiting, case.checkout) for case in chosen}) == len(chosen) == 10
+    assert len({(case.work, case.threads, case.waiting, case.checkout) for case in chosen}) == len(chosen) == 13
     table = table_of(chosen, [2], 1.0, 3, steps_of)
-    assert len(table) == 20
+    assert len(table) == 26
     shares = table.set_index(["work", "threads", "waiting", "checkout", "competing"])["fair share"]
     two = {key[2:]: share for key, share in shares.items() if key[:2] == ("splatting", 2)}
     assert two["spin", Path("a"), 0] == 1.0

@@ -112,13 +112,14 @@ def test_threads_that_wait_soon_sleep_unless_the_user_has_them_wait_otherwise(gi
     assert process.stdout.strip() in spins
 
 
-@pytest.mark.parametrize(
-    ("load", "busy"), [("0.9 1.8 2.7 1/240 77", False), ("0.0 0.0 0.0 3/240 77", True), ("", False)]
-)
-def test_a_machine_is_busy_where_more_than_this_thread_runs_now(tmp_path, load, busy):
-    (tmp_path / "loadavg").write_text(load)
-    assert others_run(tmp_path / "loadavg") == busy
-    assert not others_run(tmp_path / "missing")
+@pytest.mark.parametrize(("running", "cores", "busy"), [(1, 2, False), (2, 2, True), (2, 16, False), (9, 16, True)])
+def test_a_machine_is_busy_where_others_run_on_half_of_its_cores_now(tmp_path, running, cores, busy):
+    load = tmp_path / "loadavg"
+    load.write_text(f"9.99 9.99 9.99 {running}/240 77")
+    assert others_run(cores, load) == busy
+    load.write_text("")
+    assert not others_run(cores, load)
+    assert not others_run(cores, tmp_path / "missing")
 
 
 def test_what_a_plugin_reads_of_the_command_line_is_empty(monkeypatch):
