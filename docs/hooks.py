@@ -226,8 +226,8 @@ def on_page_markdown(markdown: str, page: "Page", **_: object) -> str:
 
 
 def on_page_content(page_html: str, **_: object) -> str:
-    """Write formulas as MathML; blocks of code, which may be too wide for a screen, are scrolled by keys as well."""
-    return typeset(page_html).replace("<pre><span></span><code>", '<pre><span></span><code tabindex="0">')
+    """Write formulas as MathML."""
+    return typeset(page_html)
 
 
 def on_post_page(output: str, **_: object) -> str:
