@@ -268,6 +268,7 @@ def video_command(
     dry: bool = False,
     frames_only: bool = False,
     matcher: Matcher = "auto",
+    features: FeatureKind = "auto",
     seed: int = 0,
 ) -> None:
     """Make a capture from a video: select sharp frames and estimate their cameras.
@@ -283,6 +284,8 @@ def video_command(
         dry: the video shows dry weather: its frames are clean views, to which rain can be added.
         frames_only: stop before cameras are estimated, so that you can draw masks.
         matcher: exhaustive: all pairs; sequential: neighbours and keyframes; auto: exhaustive up to 80 frames.
+        features: learned: XFeat with LighterGlue, weights downloaded once; sift: SIFT; auto: learned in rain if the
+            weights can be downloaded, otherwise sift.
         seed: seed of the camera estimation.
     """
     out = out or film.with_name(film.stem + "-capture")
@@ -297,6 +300,7 @@ def video_command(
             dry=dry,
             frames_only=frames_only,
             matcher=matcher,
+            features=features,
             seed=seed,
         )
     if scene is None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from hydroviews.captures.photographs import without_camera
-from hydroviews.captures.sfm.poses import Matcher, estimate_poses
+from hydroviews.captures.sfm.poses import FeatureKind, Matcher, estimate_poses
 from hydroviews.captures.sfm.rain import Enhance
 from hydroviews.captures.video.frames import FILE, IMAGES, SETTINGS, FrameChoice, take_frames
 from hydroviews.captures.video.user_masks import SETTINGS as MASK_SETTINGS
@@ -35,6 +35,7 @@ def capture_video(
     dry: bool = False,
     frames_only: bool = False,
     matcher: Matcher = "auto",
+    features: FeatureKind = "auto",
     seed: int = 0,
     enhance: Enhance | None = None,
 ) -> Scene | None:
@@ -50,6 +51,7 @@ def capture_video(
         dry: it did not rain: the frames are a clean ground truth.
         frames_only: stop before cameras are estimated, so that masks can be drawn.
         matcher: see `poses.estimate_poses`.
+        features: see `poses.estimate_poses`.
         seed: see `poses.estimate_poses`.
         enhance: see `poses.estimate_poses`; not used where it is dry.
 
@@ -86,6 +88,7 @@ def capture_video(
         masks=hidden,
         advice=advice,
         rainy=not dry,
+        features=features,
         enhance=None if dry else enhance,
     )
     return replace(

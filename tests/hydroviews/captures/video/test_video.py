@@ -11,6 +11,7 @@ import PIL.Image
 import pytest
 from captures import capture, flower_walk, rained_on
 
+from hydroviews.captures.video import capture as video_capture
 from hydroviews.captures.video import frames as frames_module
 from hydroviews.captures.video.capture import capture_video
 from hydroviews.captures.video.frames import FrameChoice, sharpness, take_frames
@@ -375,6 +376,18 @@ def test_a_rainy_video_becomes_a_scene_without_clean_views(tmp_path):
     with pytest.raises(InputError, match="taken in rain, and streak-0 is not added to that"):
         build(scene, tmp_path / "other", patterns=[Pattern("streak", 0)])
     assert read_scene(folder / CAPTURED).split == scene.split
+
+
+def test_cameras_are_estimated_with_the_features_that_are_asked_for(tmp_path, monkeypatch):
+    def estimate(images, out, **options):
+        raise InputError(f"{options['features']} {options['rainy']}")
+
+    monkeypatch.setattr(video_capture, "estimate_poses", estimate)
+    video = write_video(tmp_path / "walk.mkv", [picture(i) for i in range(16)], rate=4)
+    with pytest.raises(InputError, match="auto True"):
+        capture_video(video, tmp_path / "rainy", FrameChoice())
+    with pytest.raises(InputError, match="sift False"):
+        capture_video(video, tmp_path / "dry", FrameChoice(), features="sift", dry=True)
 
 
 def test_too_few_registered_frames_say_what_to_do(tmp_path):
