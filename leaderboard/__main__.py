@@ -191,17 +191,24 @@ def compare_command(
 
 
 def publish_command(
-    results: Path = Path("results"), board: Path = BOARD, submitted: bool = False, overwrite: bool = False
+    results: Path = Path("results"),
+    board: Path = BOARD,
+    submitted: bool = False,
+    overwrite: bool = False,
+    data: Path = Path("data"),
 ) -> None:
-    """Copy all trusted runs onto the board that ships, done or failed: records and scores of views, no pictures.
+    """Copy all trusted runs onto the board that ships, done or failed: records, scores of views, three small renders.
+
+    Renders are copied on the scenes that this project draws, with the views that the runs were given.
 
     Args:
         results: folder of the runs.
         board: folder of the board.
         submitted: copy submitted runs too.
         overwrite: replace runs on the board that differ.
+        data: data folder, for the views that the runs were given.
     """
-    outcome = publish(results, board, submitted, overwrite, date.today())
+    outcome = publish(results, board, submitted, overwrite, date.today(), data)
     for name, reason in outcome.left_out.items():
         print(f"{name}: left out: {reason}")
     print(

@@ -13,6 +13,7 @@ from hydroviews.metrics import Metric, find_metrics
 from leaderboard.gather import collect_views, run_folders, write_leaderboard
 from leaderboard.publishing.board_tables import filled
 from leaderboard.publishing.publish import publish
+from leaderboard.site.pictures import SMALL, VIEWS_FOLDER
 from leaderboard.site.write import write_site
 from leaderboard.tables.comparison import compare, in_words
 from leaderboard.tables.dataframes import suite_blocks
@@ -42,7 +43,7 @@ def write_board(board: Path, out: Path, pages: Sequence[Path] = (), docs: str = 
     table = write_leaderboard(out)
     views = collect_views(table, out)
     write_bytes(out / COMPARISONS, comparisons_text(table, views).encode())
-    index = write_site(table, out, data=out, docs=docs)  # without renders, no picture is looked for
+    index = write_site(table, out, data=out, docs=docs)  # pictures are those of the board
     for page, text in {page: filled(text, table, views) for page, text in texts.items()}.items():
         edit_bytes(page, text.encode())
     return index
@@ -68,6 +69,9 @@ def _copy_runs(board: Path, out: Path) -> None:
     for folder in run_folders(out):
         if folder.relative_to(out) not in names:
             ownership.remove(folder)
+    for path in (out / VIEWS_FOLDER).rglob(f"*{SMALL}"):
+        if not (board / path.relative_to(out)).is_file():
+            ownership.remove(path)
     left_out = publish(board, out, submitted=True, overwrite=True).left_out
     if left_out:
         raise InputError(

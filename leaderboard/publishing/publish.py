@@ -1,8 +1,8 @@
-"""Runs copied onto the board that ships: what was measured, without pictures and models.
+"""Runs copied onto the board that ships: what was measured, with a few small pictures, without models.
 
-A run of a board is its `record.json`, `per_view.csv` and learning curve, in the folders of a results folder, so that
-whatever reads results reads a board. Failed runs are published too, without scores: a table that lacks them flatters a
-method.
+A run of a board is its `record.json`, `per_view.csv`, learning curve and `small_pictures`, in the folders of a results
+folder, so that whatever reads results reads a board. Failed runs are published too, without scores: a table that lacks
+them flatters a method.
 """
 
 from collections.abc import Iterator, Mapping
@@ -17,6 +17,7 @@ from hydroviews.files import ownership
 from hydroviews.files.atomic import read_json, write_bytes, write_json
 from hydroviews.files.temporary import remove_leftovers
 from leaderboard.gather import PUBLICATION, publication, run_folders, trusted_record
+from leaderboard.publishing.small_pictures import ship_views, small_renders
 from leaderboard.records import (
     DONE,
     FAILED,
@@ -29,6 +30,8 @@ from leaderboard.records import (
     code_version,
     read_record,
 )
+from leaderboard.runs.own_files import RENDERS
+from leaderboard.site.pictures import SMALL
 
 PUBLISHED = (RECORD, PER_VIEW, LEARNING_CURVE)  # a failed run has no scores, a submission no training
 
@@ -47,10 +50,16 @@ class _Run:
     record: Record
     schema: int
     files: Mapping[str, bytes]
+    pictures: Mapping[str, bytes]
 
 
 def publish(
-    results: Path, board: Path, submitted: bool = False, overwrite: bool = False, day: date | None = None
+    results: Path,
+    board: Path,
+    submitted: bool = False,
+    overwrite: bool = False,
+    day: date | None = None,
+    data: Path | None = None,
 ) -> Outcome:
     """Copy the records and views' scores of all trusted runs, done or failed. A run is there whole or not at all.
 
@@ -60,6 +69,7 @@ def publish(
         submitted: those that somebody submitted as well.
         overwrite: replace runs that are on the board and are others; files of somebody else's in their folders stay.
         day: on which runs are published, noted on the board with the version of the code; None: what `results` notes.
+        data: folder of the data sets, for pictures of the views that runs were given; None: those that `results` has.
 
     Raises:
         InputError: no such run; or one that does not belong on a board: of a changed checkout, another schema or other
@@ -85,7 +95,8 @@ def publish(
     if new:
         ownership.claim(board)
     for name, run in new.items():
-        _write_run(board / name, run.files)
+        _write_run(board / name, {**run.files, **run.pictures})
+    ship_views({name: run.record for name, run in new.items()}, results, data, board)
     note = {"date": day.isoformat(), "version": code_version()} if day else publication(results)
     if note and (new or not day) and note != publication(board):
         ownership.remove(board / PUBLICATION, [board / PUBLICATION])  # ours; a copy of the repository has no list
@@ -106,7 +117,8 @@ def _read(results: Path) -> tuple[dict[Path, _Run], dict[Path, str]]:
         written = read_json(folder / RECORD, RESCORE)
         if _is_whole(record, written):
             files = {file: (folder / file).read_bytes() for file in PUBLISHED if (folder / file).is_file()}
-            runs[name] = _Run(record, written.get("schema", 1), files)
+            pictures = small_renders(folder, record.scene) if record.status == DONE else {}
+            runs[name] = _Run(record, written.get("schema", 1), files, pictures)
         else:
             left_out[name] = f"{record.status}: {record.reason}".removesuffix(": ")
     return runs, left_out
@@ -119,6 +131,9 @@ def _is_whole(record: Record, written: Mapping[str, Any]) -> bool:
 
 
 def _differs(folder: Path, run: _Run) -> bool:
+    """Whether a run on a board is another one, or lacks pictures. Pictures are not compared: encoders differ."""
+    if any(not (folder / name).is_file() for name in run.pictures):
+        return True
     return any(not (folder / name).is_file() or (folder / name).read_bytes() != run.files[name] for name in run.files)
 
 
@@ -149,7 +164,7 @@ def _unlike_data(records: Mapping[Path, Record]) -> list[str]:
 def _write_run(folder: Path, files: Mapping[str, bytes]) -> None:
     """Write a run; its record goes first and comes last, since a folder without a record is no run."""
     known = _of_a_run(folder)
-    for name in PUBLISHED:
+    for name in [*PUBLISHED, *_pictures(folder)]:
         ownership.remove(folder / name, known)
     for name in sorted(files, key=lambda name: name == RECORD):
         write_bytes(folder / name, files[name])
@@ -161,4 +176,8 @@ def _of_a_run(folder: Path) -> list[Path]:
         read_record(folder / RECORD)
     except InputError:
         return []
-    return [folder / name for name in PUBLISHED]
+    return [folder / name for name in [*PUBLISHED, *_pictures(folder)]]
+
+
+def _pictures(folder: Path) -> list[str]:
+    return [f"{RENDERS}/{path.name}" for path in sorted((folder / RENDERS).glob(f"*{SMALL}"))]

@@ -49,9 +49,9 @@ def hidden_pictures(runs: Iterable[ShownRun], data: Path, thumbnails: Thumbnails
 
 def _given(run: ShownRun, data: Path, views: Sequence[str], thumbnails: Thumbnails) -> Pictures:
     """Rainy views, and how much of them rain covers, if these are still the data that the run was made on."""
-    scene, pattern = run.record["scene"], run.record["pattern"]
+    profile, scene, pattern = (run.record[key] for key in ("profile", "scene", "pattern"))
     try:
-        folder = built_scene(run, data)
+        folder = built_scene(data, profile, scene, pattern, run.record["data_sha256"])
         found = {RAINY_VIEW: view_pictures(folder, folder / pattern / IMAGES, views, thumbnails)}
         if pattern != CAPTURED:
             found[TRUTH] = {view: _rain(folder / pattern, view, thumbnails) for view in views}

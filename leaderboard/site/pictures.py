@@ -18,7 +18,8 @@ from hydroviews.dataset.variants import has_clean, open_clean, open_variant
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_bytes
 from hydroviews.formats.capture_json import CAPTURED
-from leaderboard.records import SCORED
+from leaderboard.records import SCORED, results_above
+from leaderboard.runs.own_files import RENDERS
 from leaderboard.site.runs import ShownRun
 
 logger = logging.getLogger(__name__)
@@ -27,6 +28,8 @@ VIEWS = 3  # of a run
 LONGEST = 640  # pixels
 QUALITY, EFFORT = 85, 2
 IMAGES = "images"  # of a variant
+SMALL = ".webp"
+VIEWS_FOLDER = "views"  # of a board: small pictures of what runs were given, by profile, scene and pattern
 CLEAN_VIEW, RAINY_VIEW = "clean view", "rainy view"
 
 Pictures = dict[str, dict[str, str]]  # file names by what is shown and view
@@ -41,7 +44,7 @@ class Thumbnails:
 
     @cached_property
     def _there(self) -> set[str]:
-        return {path.name for path in self.folder.glob("*.webp")}
+        return {path.name for path in self.folder.glob(f"*{SMALL}")}
 
     def add(self, source: Path) -> str:
         """The name of the small picture of a picture, which is made unless it is there.
@@ -49,20 +52,36 @@ class Thumbnails:
         Raises:
             OSError: it is none.
         """
-        content = source.read_bytes()
-        return self.add_as(content, lambda: _opened(content))
+        return self._keep(source.read_bytes(), lambda: small_copy(source))
 
     def add_as(self, content: bytes, picture: Callable[[], Image.Image]) -> str:
         """The name of the small picture of some content; `picture` is what it looks like, asked for if need be."""
-        name = f"{sha256(content).hexdigest()[:20]}.webp"
+        return self._keep(content, lambda: _encoded(picture()))
+
+    def _keep(self, content: bytes, small: Callable[[], bytes]) -> str:
+        name = f"{sha256(content).hexdigest()[:20]}{SMALL}"
         if name not in self.written and name not in self._there:
-            small = picture()
-            small.thumbnail((LONGEST, LONGEST))
-            encoded = BytesIO()
-            small.save(encoded, "WEBP", quality=QUALITY, method=EFFORT)
-            write_bytes(self.folder / name, encoded.getvalue())
+            write_bytes(self.folder / name, small())
         self.written.add(name)
         return name
+
+
+def small_copy(path: Path) -> bytes:
+    """A picture as the pages show it, WebP of at most LONGEST pixels; one that is WebP stays as it is.
+
+    Raises:
+        OSError: it is no picture.
+    """
+    content = path.read_bytes()
+    picture = _opened(content)
+    return content if path.suffix == SMALL else _encoded(picture)
+
+
+def _encoded(picture: Image.Image) -> bytes:
+    picture.thumbnail((LONGEST, LONGEST))
+    encoded = BytesIO()
+    picture.save(encoded, "WEBP", quality=QUALITY, method=EFFORT)
+    return encoded.getvalue()
 
 
 def _opened(content: bytes) -> Image.Image:
@@ -105,16 +124,29 @@ def scene_pictures(runs: Iterable[ShownRun], data: Path, thumbnails: Thumbnails)
 
 
 def _renders(run: ShownRun, thumbnails: Thumbnails) -> dict[str, str]:
-    paths = sorted((run.folder / "renders").glob("*.png"))
-    chosen = [paths[i] for i in evenly_spread(len(paths), VIEWS)]
-    return add_pictures({path.stem: path for path in chosen}, thumbnails)
+    return add_pictures({path.stem: path for path in chosen_renders(run.folder)}, thumbnails)
+
+
+def chosen_renders(folder: Path) -> list[Path]:
+    """The renders of a run that are shown: VIEWS of them, spread evenly over the held-out views."""
+    paths = sorted(path for path in (folder / RENDERS).glob("*") if path.suffix in (".png", SMALL))
+    return [paths[i] for i in evenly_spread(len(paths), VIEWS)]
 
 
 def _given(run: ShownRun, data: Path, names: list[str], thumbnails: Thumbnails) -> Pictures:
     """What a run was given and is compared with, of some views, if these are still the data that it was run on."""
-    scene, pattern = run.record["scene"], run.record["pattern"]
+    profile, scene, pattern = (run.record[key] for key in ("profile", "scene", "pattern"))
+    shipped = results_above(run.folder) / VIEWS_FOLDER / profile / scene
+    if shipped.is_dir():
+        folders = {CLEAN_VIEW: shipped / CLEAN, RAINY_VIEW: shipped / pattern}
+        there = {title: [folder / f"{name}{SMALL}" for name in names] for title, folder in folders.items()}
+        return {
+            title: add_pictures({path.stem: path for path in paths if path.is_file()}, thumbnails)
+            for title, paths in there.items()
+            if pattern != CLEAN or title == CLEAN_VIEW
+        }
     try:
-        folder = built_scene(run, data)
+        folder = built_scene(data, profile, scene, pattern, run.record["data_sha256"])
         roots = {CLEAN_VIEW: folder / CLEAN} | ({RAINY_VIEW: folder / pattern / IMAGES} if pattern != CLEAN else {})
         found = {title: view_pictures(folder, root, names, thumbnails) for title, root in roots.items()}
     except InputError as error:
@@ -123,14 +155,14 @@ def _given(run: ShownRun, data: Path, names: list[str], thumbnails: Thumbnails) 
     return {title: shown for title, shown in found.items() if shown}
 
 
-def built_scene(run: ShownRun, data: Path) -> Path:
-    """The folder of the scene that a run was made on.
+def built_scene(data: Path, profile: str, scene: str, pattern: str, data_sha256: str) -> Path:
+    """The folder of the scene that a run with this hash was made on.
 
     Raises:
         InputError: there is none, or it holds other data by now.
     """
-    folder, pattern = data / run.record["profile"] / run.record["scene"], run.record["pattern"]
-    if data_hash(folder.parent, folder.name, pattern) != run.record["data_sha256"]:
+    folder = data / profile / scene
+    if data_hash(folder.parent, folder.name, pattern) != data_sha256:
         raise InputError(f"{folder}: not the data that the runs under {pattern} were made on")
     return folder
 
@@ -141,9 +173,18 @@ def view_pictures(scene: Path, images: Path, views: Iterable[str], thumbnails: T
     Raises:
         InputError: the scene cannot be read.
     """
+    return add_pictures(view_paths(scene, images, views), thumbnails)
+
+
+def view_paths(scene: Path, images: Path, views: Iterable[str]) -> dict[str, Path]:
+    """The pictures of views of a built scene that there are in one of its folders of pictures, by the views' names.
+
+    Raises:
+        InputError: the scene cannot be read.
+    """
     files = _view_files(scene)
     paths = {view: images / files[view] for view in views if view in files}
-    return add_pictures({view: path for view, path in paths.items() if path.is_file()}, thumbnails)
+    return {view: path for view, path in paths.items() if path.is_file()}
 
 
 @lru_cache(maxsize=4)

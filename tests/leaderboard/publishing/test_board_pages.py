@@ -59,7 +59,7 @@ def test_all_tables_comparisons_and_pages_are_written_beside_a_board_that_stays_
     written = {path.name for path in shown.iterdir() if path.is_file() and path.name[0] != "."}
     assert written == {*names, "comparisons.md"}
     assert len(pd.read_csv(shown / "leaderboard.csv")) == 15
-    assert list((shown / "site" / "pictures").iterdir()) == []
+    assert len(list((shown / "site" / "pictures").iterdir())) == 45  # three renders of each run
     assert len(list((shown / "site" / "runs").iterdir())) == 15
 
 

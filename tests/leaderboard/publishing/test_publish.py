@@ -6,18 +6,27 @@ import shutil
 from datetime import date
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 from made_up_board import write_board
+from PIL import Image
+from synthetic import capture_in
 
+from hydroviews.dataset.build import build
+from hydroviews.dataset.manifest import data_hash
+from hydroviews.dataset.variants import open_clean
 from hydroviews.errors import InputError
 from hydroviews.files.ownership import FOLDER
+from hydroviews.rain.patterns import Pattern
+from hydroviews.scene.images import read_image, write_png
 from leaderboard.__main__ import publish_command
 from leaderboard.gather import PUBLICATION, collect, collect_views, publication, run_folders
 from leaderboard.publishing.publish import publish
 from leaderboard.records import code_version
 
 RUN = "demo/3dgs/pond/streak-1/seed-0"
+SMALL_RENDERS = {f"renders/{view:03}.webp" for view in (0, 16, 32)}
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +66,8 @@ def test_a_board_is_records_and_scores_and_reads_as_the_results_do(results, boar
     outcome = publish(results, board)
     assert (len(outcome.written), outcome.kept, outcome.left_out) == (10, 0, {})
     kept = ("record.json", "per_view.csv", "learning_curve.csv")
-    assert files(board) == {name: content for name, content in files(results).items() if name.endswith(kept)}
+    measured = {name: content for name, content in files(board).items() if not name.endswith(".webp")}
+    assert measured == {name: content for name, content in files(results).items() if name.endswith(kept)}
     table = collect(board)
     pd.testing.assert_frame_equal(table, collect(results))
     pd.testing.assert_frame_equal(collect_views(table, board), collect_views(table, results))
@@ -104,12 +114,12 @@ def test_a_failed_run_is_published_as_its_record_alone_and_counts_in_tables(resu
         (results / name / path).unlink()
     edit(results, name, status="failed", reason="no memory", psnr=None, ssim=None, lpips_alex=None, lpips_vgg=None)
     assert Path(name) in publish(results, board).written
-    assert done(name, files(board)) == {"record.json"}
+    assert done(name, files(board)) == {"record.json"}  # and no pictures
     assert list(collect(board).query("status == 'failed'").reason) == ["no memory"]
     for path, content in scored.items():
         (results / name / path).write_bytes(content)
     assert publish(results, board, overwrite=True).written == (Path(name),)
-    assert done(name, files(board)) == set(scored)
+    assert done(name, files(board)) == set(scored) | SMALL_RENDERS
 
 
 @pytest.mark.parametrize(
@@ -160,7 +170,7 @@ def test_what_is_there_is_kept_and_another_run_in_its_place_needs_to_be_asked_fo
 
 
 def test_an_interruption_leaves_no_half_run_and_the_same_command_does_the_rest(results, board, monkeypatch):
-    replace, left = os.replace, [10]  # three runs of three files, and one file
+    replace, left = os.replace, [19]  # three runs of six files, and one file
 
     def interrupted(*paths):
         left[0] -= 1
@@ -172,12 +182,12 @@ def test_an_interruption_leaves_no_half_run_and_the_same_command_does_the_rest(r
     with pytest.raises(KeyboardInterrupt):
         publish(results, board)
     monkeypatch.undo()
-    assert [len(list(folder.iterdir())) for folder in run_folders(board)] == [3, 3, 3]
+    assert [len(files(folder)) for folder in run_folders(board)] == [6, 6, 6]
     killed = board / "demo/3dgs/pond/streak-1/.partial-host-0-seed-0"
     killed.mkdir(parents=True)
     (killed / "record.json").write_text("{")
     assert len(publish(results, board).written) == 7
-    assert len(files(board)) == 30
+    assert len(files(board)) == 60
 
 
 @pytest.mark.parametrize("listed", [True, False], ids=["written here", "of a repository"])
@@ -189,7 +199,8 @@ def test_files_of_the_users_in_the_folder_of_a_run_stay(results, board, listed, 
     edit(results, train_s=1.0)
     assert publish(results, board, overwrite=True).written == (Path(RUN),)
     assert json.loads((board / RUN / "record.json").read_text())["train_s"] == 1.0
-    assert set(files(board / RUN)) == {"notes.txt", "record.json", "per_view.csv", "learning_curve.csv"}
+    whole = {"record.json", "per_view.csv", "learning_curve.csv"} | SMALL_RENDERS
+    assert set(files(board / RUN)) == {"notes.txt"} | whole
     assert (board / RUN / "notes.txt").read_text() == "mine"
     (board / RUN / "record.json").unlink()
     (board / RUN / "record.json").write_text("my own record")
@@ -198,6 +209,45 @@ def test_files_of_the_users_in_the_folder_of_a_run_stay(results, board, listed, 
     publish(results, board, overwrite=True)
     assert (board / RUN / "record.json.kept").read_text() == "my own record"
     assert "record.json: not written by HydroViews, and in the way" in caplog.text
+
+
+def test_three_small_renders_go_along_on_scenes_that_the_project_draws(tmp_path, board):
+    write_board(tmp_path / "results", ("3dgs",), ("pond", "mipnerf360_bonsai"), ("streak-1",), size=(64, 48))
+    publish(tmp_path / "results", board)
+    assert set(files(board / RUN / "renders")) == {Path(name).name for name in SMALL_RENDERS}
+    for view in (0, 16, 32):
+        given = read_image(tmp_path / "results" / RUN / f"renders/{view:03}.png")
+        small = np.asarray(Image.open(board / RUN / f"renders/{view:03}.webp"), np.float32) / 255
+        assert np.abs(given - small).mean() < 0.05
+    assert not list(board.glob("demo/3dgs/mipnerf360_bonsai/**/*.webp"))
+
+
+def test_pictures_that_a_board_lacks_come_with_the_next_publication(results, board):
+    publish(results, board)
+    shutil.rmtree(board / RUN / "renders")
+    assert publish(results, board, overwrite=True).written == (Path(RUN),)
+    assert done(f"{RUN}/renders", files(board)) == {Path(name).name for name in SMALL_RENDERS}
+    shutil.rmtree(results / RUN / "renders")  # what is on the board stays
+    assert publish(results, board).written == ()
+
+
+def test_views_that_runs_were_given_lie_once_on_a_board_and_are_copied_with_it(results, board, tmp_path, caplog):
+    built = build(capture_in(tmp_path / "pond"), tmp_path / "data" / "demo", patterns=[Pattern("streak", 1)], seed=5)
+    views = [view.name for view in open_clean(built).views][:3]
+    for method in ("3dgs", "ours"):
+        run = f"demo/{method}/pond/streak-1/seed-0"
+        edit(results, run, data_sha256=data_hash(built.parent, "pond", "streak-1"))
+        shutil.rmtree(results / run / "renders")
+        (results / run / "renders").mkdir()
+        for view in views:
+            write_png(results / run / "renders" / f"{view}.png", np.zeros((8, 8, 3), np.float32))
+    publish(results, board, data=tmp_path / "data")
+    assert set(files(board / "views/demo/pond")) == {
+        f"{pattern}/{v}.webp" for pattern in ("clean", "streak-1") for v in views
+    }
+    assert "not the data that the runs under raindrop-1 were made on" in caplog.text
+    publish(board, tmp_path / "copy")
+    assert files(tmp_path / "copy" / "views") == files(board / "views")
 
 
 def test_nothing_to_publish_is_told(tmp_path, board):

@@ -38,7 +38,7 @@ def written(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def shipped(written, tmp_path_factory):
-    """What a board of the runs shows: they have no renders."""
+    """What a board of the runs shows: renders of the scene that the project draws."""
     board, out = tmp_path_factory.mktemp("shipped"), tmp_path_factory.mktemp("shown")
     publish(written, board, submitted=True)
     write_board(board, out)
