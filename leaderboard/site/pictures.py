@@ -116,7 +116,7 @@ def scene_pictures(runs: Iterable[ShownRun], data: Path, thumbnails: Thumbnails)
             given[pattern, seed] = _given(run, data, list(shown), thumbnails)
         kept = references.setdefault(seed, {}) if pattern == CLEAN else renders.setdefault((pattern, seed), {})
         kept[run.name] = shown
-    places = list(renders) or list(given)  # where nothing was run on rainy views, the clean ones
+    places = sorted(renders or given)  # where nothing was run on rainy views, the clean ones
     return {
         f"{pattern}, seed {seed}": given[pattern, seed] | references.get(seed, {}) | renders.get((pattern, seed), {})
         for pattern, seed in places
