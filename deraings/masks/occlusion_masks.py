@@ -145,7 +145,7 @@ class OcclusionMasks(PixelWeights):
         if self._known is not None:
             more = 1 - found
             more *= resized(self._known(view), size)
-            found = more + found
+            found = np.minimum(more + found, np.float32(1))  # what is known may be a little more by rounding
         return found
 
     def learn(self, view: int, loss: NDArray, iteration: int) -> None:

@@ -235,6 +235,14 @@ def test_where_drops_are_known_to_stay_losses_need_not_tell():
     assert told.report()["used"]
 
 
+def test_a_mask_is_at_most_one_where_what_is_known_is_more_by_rounding():
+    rounded = np.full((HEIGHT, WIDTH), np.nextafter(np.float32(1), np.float32(2)))
+    masks = OcclusionMasks(TrainingImages(list(PICTURES)), 1000, 0, ALWAYS, lambda view: rounded, stays=True)
+    masks.learn(0, losses(DROPS)[0], 0)
+    assert masks.mask(0, (HEIGHT, WIDTH)).max() == 1
+    assert masks.weights(0, (HEIGHT, WIDTH), 500).min() == 0
+
+
 def test_the_typical_loss_is_of_pixels_that_are_shown():
     """Hidden ones have none, and may be most of a photograph."""
     masks = OcclusionMasks(TrainingImages(list(drop_pictures(0)[0])), 1000, 0, ALWAYS)
