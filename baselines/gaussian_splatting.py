@@ -94,8 +94,9 @@ class GaussianSplatting(Method):
         if weights is None:
             return hidden
         ignored = weights.hidden(view, size, lambda: self.render(self._cameras[view].resized(size[1], size[0])))
-        known = [plane for plane in (hidden, ignored) if plane is not None]
-        return np.maximum.reduce(known) if known else None
+        if hidden is None or ignored is None:
+            return ignored if hidden is None else hidden
+        return np.asarray(1 - (1 - hidden) * (1 - ignored), np.float32)
 
     @property
     def splatting(self) -> TrainerConfig:

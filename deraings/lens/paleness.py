@@ -42,26 +42,26 @@ class Paleness(NamedTuple):
 
 
 class MistEvidence(NamedTuple):
-    """What the photographs of a scene and its points show of mist."""
+    """Evidence of mist from the photographs of a scene and from its points."""
 
     bounds: MistBounds
     paleness: Paleness | None  # None where too few points are known
 
     @property
     def foggy(self) -> bool:
-        """Whether there is fog in the scene, which a network that looks at single pictures takes for mist."""
+        """True if there is fog in the scene. A network that looks at single pictures takes fog for mist."""
         return self.paleness is not None and self.paleness.fog >= MIN_FOG
 
 
 def mist_evidence(images: TrainingImages, points: PointColours | None = None) -> MistEvidence:
-    """What photographs show of mist, and points in them, if they are known."""
+    """The evidence of photographs, and of scene points in them, if points are known."""
     views = range(len(images))
     bounds = mist_bounds([images.pixels(i) for i in views], [images.ignored(i) for i in views])
     return MistEvidence(bounds, None if points is None else paleness_of(bounds, points))
 
 
 def evidence_of_scene(scene: Scene, images: TrainingImages) -> MistEvidence:
-    """What the training photographs of a scene, as read, and its points show of mist; shows progress.
+    """The evidence of a scene's training photographs, as read, and of its points; shows progress.
 
     Raises:
         InputError: a mask or depth map that cannot be read.

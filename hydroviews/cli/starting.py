@@ -33,18 +33,18 @@ def begin() -> None:
 
 
 def others_run(cores: int, load: Path = LOAD) -> bool:
-    """Whether other threads run, or wait for a core, at least one for two cores; False if the system does not count.
+    """True if other threads run, or wait for a core, at least one for two cores; False if the system does not count.
 
-    It looks a few times: the load average would remember the command before this one for minutes.
+    A busy machine is looked at a few times. The load average would remember the command before this one for minutes.
     """
     try:
-        running = []
         for _ in range(LOOKS):
-            running.append(int(load.read_text().split()[3].partition("/")[0]))
+            if 2 * (int(load.read_text().split()[3].partition("/")[0]) - 1) < cores:
+                return False
             time.sleep(PAUSE)
     except (OSError, IndexError, ValueError):
         return False
-    return 2 * (min(running) - 1) >= cores
+    return True
 
 
 def _end(number: int, _: object) -> None:

@@ -17,7 +17,7 @@ from hydroviews.files import ownership
 from hydroviews.files.atomic import read_json, write_bytes, write_json
 from hydroviews.files.temporary import remove_leftovers
 from leaderboard.gather import PUBLICATION, publication, run_folders, trusted_record
-from leaderboard.publishing.small_pictures import ship_views, small_renders
+from leaderboard.publishing.small_pictures import ship_views, shipped_renders
 from leaderboard.records import (
     DONE,
     FAILED,
@@ -31,7 +31,7 @@ from leaderboard.records import (
     read_record,
 )
 from leaderboard.runs.own_files import RENDERS
-from leaderboard.site.pictures import SMALL
+from leaderboard.site.pictures import SMALL, small_copy
 
 PUBLISHED = (RECORD, PER_VIEW, LEARNING_CURVE)  # a failed run has no scores, a submission no training
 
@@ -50,7 +50,7 @@ class _Run:
     record: Record
     schema: int
     files: Mapping[str, bytes]
-    pictures: Mapping[str, bytes]
+    pictures: Mapping[str, Path]  # what small ones are made of, by their names
 
 
 def publish(
@@ -95,7 +95,7 @@ def publish(
     if new:
         ownership.claim(board)
     for name, run in new.items():
-        _write_run(board / name, {**run.files, **run.pictures})
+        _write_run(board / name, {**run.files, **{file: small_copy(path) for file, path in run.pictures.items()}})
     ship_views({name: run.record for name, run in new.items()}, results, data, board)
     note = {"date": day.isoformat(), "version": code_version()} if day else publication(results)
     if note and (new or not day) and note != publication(board):
@@ -117,7 +117,7 @@ def _read(results: Path) -> tuple[dict[Path, _Run], dict[Path, str]]:
         written = read_json(folder / RECORD, RESCORE)
         if _is_whole(record, written):
             files = {file: (folder / file).read_bytes() for file in PUBLISHED if (folder / file).is_file()}
-            pictures = small_renders(folder, record.scene) if record.status == DONE else {}
+            pictures = shipped_renders(folder, record.scene) if record.status == DONE else {}
             runs[name] = _Run(record, written.get("schema", 1), files, pictures)
         else:
             left_out[name] = f"{record.status}: {record.reason}".removesuffix(": ")
@@ -131,7 +131,7 @@ def _is_whole(record: Record, written: Mapping[str, Any]) -> bool:
 
 
 def _differs(folder: Path, run: _Run) -> bool:
-    """Whether a run on a board is another one, or lacks pictures. Pictures are not compared: encoders differ."""
+    """True if a run on a board is another one, or lacks pictures. Pictures are not compared: encoders differ."""
     if any(not (folder / name).is_file() for name in run.pictures):
         return True
     return any(not (folder / name).is_file() or (folder / name).read_bytes() != run.files[name] for name in run.files)

@@ -6,7 +6,7 @@ have the licences of their makers.
 """
 
 import logging
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 from hydroviews.blender.embedded_scenes.captures import EMBEDDED
@@ -15,21 +15,23 @@ from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_bytes
 from leaderboard.records import Record
 from leaderboard.runs.own_files import RENDERS
-from leaderboard.site.pictures import IMAGES, SMALL, VIEWS_FOLDER, built_scene, chosen_renders, small_copy, view_paths
+from leaderboard.site.pictures import (
+    SMALL,
+    VIEWS_FOLDER,
+    built_scene,
+    chosen_renders,
+    images_of,
+    small_copy,
+    view_paths,
+)
 
 logger = logging.getLogger(__name__)
 
 
-def small_renders(folder: Path, scene: str) -> dict[str, bytes]:
-    """Small renders of a run by their names below its folder; those that a board has are taken as they are.
-
-    Raises:
-        OSError: a damaged picture.
-    """
-    if scene not in EMBEDDED:
-        return {}
-    paths = chosen_renders(folder)
-    return {f"{RENDERS}/{path.stem}{SMALL}": small_copy(path) for path in paths}
+def shipped_renders(folder: Path, scene: str) -> dict[str, Path]:
+    """The renders of a run that go onto a board as small copies, by their names there; none of a capture."""
+    paths = chosen_renders(folder) if scene in EMBEDDED else []
+    return {f"{RENDERS}/{path.stem}{SMALL}": path for path in paths}
 
 
 def ship_views(runs: Mapping[Path, Record], results: Path, data: Path | None, board: Path) -> None:
@@ -42,30 +44,24 @@ def ship_views(runs: Mapping[Path, Record], results: Path, data: Path | None, bo
             logged.
         board: takes the views.
     """
-    for source, name in _copied(results):
-        _write(board / VIEWS_FOLDER / name, source)
+    for source in sorted((results / VIEWS_FOLDER).rglob(f"*{SMALL}")):
+        _write(board / source.relative_to(results), source)
     missing: dict[str, None] = {}
     for run, record in runs.items():
         views = [path.stem for path in sorted((board / run / RENDERS).glob(f"*{SMALL}"))]
         for pattern in dict.fromkeys((CLEAN, record.pattern)):
-            target = Path(record.profile, record.scene, pattern)
-            lacking = [view for view in views if not (board / VIEWS_FOLDER / target / f"{view}{SMALL}").is_file()]
+            target = board / VIEWS_FOLDER / record.profile / record.scene / pattern
+            lacking = [view for view in views if not (target / f"{view}{SMALL}").is_file()]
             if lacking and data is not None:
                 try:
                     scene = built_scene(data, record.profile, record.scene, record.pattern, record.data_sha256)
                 except InputError as error:
                     missing[str(error)] = None
                     continue
-                images = scene / CLEAN if pattern == CLEAN else scene / pattern / IMAGES
-                for view, path in view_paths(scene, images, lacking).items():
-                    _write(board / VIEWS_FOLDER / target / f"{view}{SMALL}", path)
+                for view, path in view_paths(scene, images_of(scene, pattern), lacking).items():
+                    _write(target / f"{view}{SMALL}", path)
     for reason in missing:
         logger.warning("views without pictures on the board: %s", reason)
-
-
-def _copied(results: Path) -> Iterator[tuple[Path, Path]]:
-    folder = results / VIEWS_FOLDER
-    return ((path, path.relative_to(folder)) for path in sorted(folder.rglob(f"*{SMALL}")))
 
 
 def _write(path: Path, source: Path) -> None:

@@ -52,7 +52,8 @@ class Thumbnails:
         Raises:
             OSError: it is none.
         """
-        return self._keep(source.read_bytes(), lambda: small_copy(source))
+        content = source.read_bytes()
+        return self._keep(content, lambda: _small(content, source.suffix))
 
     def add_as(self, content: bytes, picture: Callable[[], Image.Image]) -> str:
         """The name of the small picture of some content; `picture` is what it looks like, asked for if need be."""
@@ -72,9 +73,12 @@ def small_copy(path: Path) -> bytes:
     Raises:
         OSError: it is no picture.
     """
-    content = path.read_bytes()
+    return _small(path.read_bytes(), path.suffix)
+
+
+def _small(content: bytes, suffix: str) -> bytes:
     picture = _opened(content)
-    return content if path.suffix == SMALL else _encoded(picture)
+    return content if suffix == SMALL else _encoded(picture)
 
 
 def _encoded(picture: Image.Image) -> bytes:
@@ -137,22 +141,28 @@ def _given(run: ShownRun, data: Path, names: list[str], thumbnails: Thumbnails) 
     """What a run was given and is compared with, of some views, if these are still the data that it was run on."""
     profile, scene, pattern = (run.record[key] for key in ("profile", "scene", "pattern"))
     shipped = results_above(run.folder) / VIEWS_FOLDER / profile / scene
-    if shipped.is_dir():
-        folders = {CLEAN_VIEW: shipped / CLEAN, RAINY_VIEW: shipped / pattern}
-        there = {title: [folder / f"{name}{SMALL}" for name in names] for title, folder in folders.items()}
-        return {
-            title: add_pictures({path.stem: path for path in paths if path.is_file()}, thumbnails)
-            for title, paths in there.items()
-            if pattern != CLEAN or title == CLEAN_VIEW
-        }
+    patterns = {CLEAN_VIEW: CLEAN} | ({RAINY_VIEW: pattern} if pattern != CLEAN else {})
     try:
-        folder = built_scene(data, profile, scene, pattern, run.record["data_sha256"])
-        roots = {CLEAN_VIEW: folder / CLEAN} | ({RAINY_VIEW: folder / pattern / IMAGES} if pattern != CLEAN else {})
-        found = {title: view_pictures(folder, root, names, thumbnails) for title, root in roots.items()}
+        if shipped.is_dir():
+            paths = {title: _shipped_views(shipped / kind, names) for title, kind in patterns.items()}
+        else:
+            folder = built_scene(data, profile, scene, pattern, run.record["data_sha256"])
+            paths = {title: view_paths(folder, images_of(folder, kind), names) for title, kind in patterns.items()}
+        found = {title: add_pictures(files, thumbnails) for title, files in paths.items()}
     except InputError as error:
         logger.warning("no rainy or clean views of %s/%s on the pages: %s", scene, pattern, error)
         return {}
     return {title: shown for title, shown in found.items() if shown}
+
+
+def _shipped_views(folder: Path, names: Iterable[str]) -> dict[str, Path]:
+    paths = {name: folder / f"{name}{SMALL}" for name in names}
+    return {name: path for name, path in paths.items() if path.is_file()}
+
+
+def images_of(scene: Path, pattern: str) -> Path:
+    """The folder of the pictures of a built scene's clean views, or of a variant."""
+    return scene / CLEAN if pattern == CLEAN else scene / pattern / IMAGES
 
 
 def built_scene(data: Path, profile: str, scene: str, pattern: str, data_sha256: str) -> Path:

@@ -9,7 +9,9 @@ from splats import photographed
 from trainings import CONFIG
 
 from baselines.gaussian_splatting import GaussianSplatting
+from baselines.masking.pixel_weights import PixelWeights
 from baselines.method import find_method
+from baselines.splatting.objective import Objective
 from baselines.training.images import TrainingImages, read_images
 from baselines.training.torch_state import torch_threads
 from deraings.enhancement import views as enhanced_views
@@ -163,3 +165,26 @@ def test_methods_are_found_and_differ_in_their_switches():
     assert paper.splatting == plus.splatting
     less = WithoutAttention.configuration("demo")
     assert replace(less, masks=replace(less.masks, attention=True)) == paper
+
+
+def test_what_is_hidden_is_the_union_of_rain_and_pixel_weights(scene, tmp_path):
+    class Half(PixelWeights):
+        def weigh(self, seen):
+            return None
+
+        def hidden(self, view, size, render):
+            return np.full(size, 0.5, np.float32)
+
+    class Corner(Objective):
+        def hidden(self, view, size):
+            return np.eye(*size, dtype=np.float32)
+
+    class Both(GaussianSplatting):
+        def objective(self, scene, folder):
+            return Corner(read_images(scene.train_views), pixel_weights=Half())
+
+    method = Both(CONFIG, 0)
+    method.fit(scene, tmp_path)
+    hidden = method.hidden(0, (20, 30))
+    assert (hidden.dtype, hidden.shape) == (np.float32, (20, 30))
+    assert np.array_equal(hidden, np.where(np.eye(20, 30) == 1, 1, 0.5))

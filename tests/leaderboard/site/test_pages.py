@@ -18,6 +18,8 @@ from baselines.training.learning_curve import LEARNING_CURVE
 from hydroviews.files.atomic import read_json, write_json
 from hydroviews.metrics import find_metrics
 from leaderboard.gather import PUBLICATION, collect
+from leaderboard.publishing.board_pages import write_board
+from leaderboard.publishing.publish import publish
 from leaderboard.records import run_folder
 from leaderboard.site.contents import method_page
 from leaderboard.site.runs import page_name
@@ -129,9 +131,22 @@ def test_a_board_shows_the_renders_that_it_has_and_says_where_it_has_none(shippe
     assert [a for a in drawn.all("form") if "viewer" in a["class"]]
     assert not captured.all("img")
     assert "These runs have no pictures." in "".join(captured.text)
-    run = next(page for path, page in found.items() if path.parent.name == "runs")
+    run = next(page for path, page in found.items() if path.parent.name == "runs" and "bonsai" in path.name)
     files = [a["href"].rpartition("/")[2] for a in run.all("a")]
-    assert {"learning_curve.csv", "per_view.csv", "record.json"} <= set(files)
+    assert files[-3:] == ["learning_curve.csv", "per_view.csv", "record.json"]
+
+
+def test_a_board_without_renders_has_pages_that_say_so(written, tmp_path):
+    publish(written, tmp_path / "board", submitted=True)
+    for drawn in (tmp_path / "board").glob("demo/*/pond"):
+        shutil.rmtree(drawn)
+    write_board(tmp_path / "board", tmp_path / "shown")
+    found = {path: Page(path) for path in sorted((tmp_path / "shown" / "site").rglob("*.html"))}
+    for path, page in found.items():
+        assert page.all("img") == []
+        assert not [a for a in page.all("form") if "viewer" in a["class"]]
+        assert ("These runs have no pictures." in "".join(page.text)) == (path.parent.name == "scenes")
+    assert "A page of tables each." in "".join(found[tmp_path / "shown" / "site" / "index.html"].text)
 
 
 def test_the_course_of_a_training_is_drawn(written):
