@@ -43,6 +43,7 @@ from hydroviews.formats.photographs import one_by_one
 from hydroviews.pairs.photographs import split_photographs
 from hydroviews.rain.registry import parse_pattern
 from hydroviews.scene.images import to_uint8, write_png
+from hydroviews.scene.photograph_damage import require_whole
 
 WATCHED = 4  # held-out photographs of the validations while training; at the end it is all of them
 MOST_COMPANIONS = 35  # of a picture in validation
@@ -219,15 +220,16 @@ def enhance_command(
         sheet: a PNG file for some pictures before and after, evenly spread in order of name.
 
     Raises:
-        InputError: a picture that cannot be read, a sheet that is no PNG or lies among the enhanced pictures, or a file
-            of another origin that would be written over.
+        InputError: a picture that is damaged or cannot be read, a sheet that is no PNG or lies among the enhanced
+            pictures, or a file of another origin that would be written over.
     """
     if sheet is not None and (sheet.suffix != ".png" or sheet.resolve().parent == out.resolve()):
         raise InputError(f"--sheet {sheet}", expected=f"a .png, not in {out}, where it would be taken for a picture")
     enhancer, targets = load_enhancer(weights), one_by_one(pictures, out)
     require_ours([*targets.values(), *([sheet] if sheet else [])])
-    print(enhancer.reason)
     files = list(targets)
+    require_whole(files, "looking for damage")
+    print(enhancer.reason)
 
     def read(index: int) -> NDArray[np.uint8]:
         return to_uint8(read_upright(files[index]).image)

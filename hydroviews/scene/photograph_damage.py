@@ -54,7 +54,7 @@ def require_whole(paths: Sequence[Path], title: str) -> None:
             f"{path}: a damaged {_format(path)}{more}",
             found=found,
             expected="a photograph that decodes without a warning",
-            fix="copy it again, or remove the view from the cameras",
+            fix="copy it again, or leave it out",
         )
 
 

@@ -41,6 +41,7 @@ from hydroviews.formats.read import read_scene
 from hydroviews.formats.writers import to_colmap_camera
 from hydroviews.scene.images import SUFFIXES, image_size, write_png
 from hydroviews.scene.masks import MASKS, mask_digest, mask_name
+from hydroviews.scene.photograph_damage import require_whole
 from hydroviews.scene.scenes import Points, Scene
 
 logger = logging.getLogger(__name__)
@@ -103,9 +104,9 @@ def estimate_poses(
     Raises:
         TooFewRegistered: fewer than three.
         FullDisk: no room for features and matches.
-        InputError: fewer than three photographs, one that cannot be read, or `out` was made otherwise, lies among the
-            photographs, or holds photographs, a database or a model of somebody else's; in rain, nothing but features
-            that stay on the lens, or an enhanced picture of another size; no weights, but "learned".
+        InputError: fewer than three photographs, one that is damaged or cannot be read, or `out` was made otherwise,
+            lies among the photographs, or holds photographs, a database or a model of somebody else's; in rain, nothing
+            but features that stay on the lens, or an enhanced picture of another size; no weights, but "learned".
         ValueError: to enhance, but not `rainy`.
     """
     if enhance and not rainy:
@@ -143,6 +144,8 @@ def estimate_poses(
         foreign=None,
         fix="choose another folder, or remove this one",
     )
+    if not finished:
+        require_whole(sources, "looking for damage")
     cut_panoramas(perspective)
     if missing := {name: path for name, path in links.items() if not (pictures / name).exists()}:
         link_photographs(missing, pictures, turned=masks is None and common_turn(sources))

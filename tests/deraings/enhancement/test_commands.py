@@ -1,5 +1,6 @@
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from tiny_network import TINY
@@ -48,6 +49,18 @@ def test_a_folder_of_pictures_is_enhanced_and_drawn_before_and_after(tmp_path, w
     assert all(np.array_equal(before, after) for _, before, after in shown)  # nothing is changed by these weights
     expected = before_and_after("Enhancement", "3 of 3 photographs", shown)
     np.testing.assert_array_equal(to_uint8(read_image(sheet)), expected)
+
+
+def test_a_damaged_picture_is_refused_before_any_is_enhanced(tmp_path, weights, capfd):
+    pictures(tmp_path / "in")
+    noise = np.random.default_rng(0).integers(0, 256, (240, 320, 3)).astype(np.uint8)
+    encoded = cv2.imencode(".jpg", noise)[1]
+    encoded[len(encoded) // 2 :][:6000] = 0
+    (tmp_path / "in" / "2.jpg").write_bytes(encoded.tobytes())
+    with pytest.raises(InputError, match=r"2\.jpg: a damaged JPEG"):
+        enhance_command(tmp_path / "in", tmp_path / "out", str(weights))
+    assert not (tmp_path / "out").exists()
+    assert "JPEG" not in capfd.readouterr().err  # the decoder's own words
 
 
 @pytest.mark.parametrize("name", ["sheet.jpg", "out/sheet.png"])

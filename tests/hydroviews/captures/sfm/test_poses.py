@@ -9,6 +9,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+import cv2
 import numpy as np
 import PIL.Image
 import pycolmap
@@ -266,6 +267,17 @@ def noise(tmp_path):
             return {name: opened.read_keypoints(image) for name, image in images.items()}
 
     return find
+
+
+def test_a_damaged_photograph_is_named_and_can_be_left_out(noise, tmp_path):
+    encoded = cv2.imencode(".jpg", np.random.default_rng(1).integers(0, 256, (240, 320, 3)).astype(np.uint8))[1]
+    encoded[len(encoded) // 2 :][:6000] = 0
+    damaged = tmp_path / "noise" / "3.jpg"
+    damaged.write_bytes(encoded.tobytes())
+    with pytest.raises(InputError, match=f"{damaged}: a damaged JPEG"):
+        estimate_poses(tmp_path / "noise", tmp_path / "out", rainy=True)
+    damaged.unlink()
+    assert len(noise()) == 3
 
 
 def test_a_photograph_that_cannot_be_read_is_named_and_can_be_mended(noise, tmp_path):
