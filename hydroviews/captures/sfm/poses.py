@@ -21,6 +21,7 @@ from hydroviews.captures.sfm.mapping import (
     polished,
     rainy_options,
 )
+from hydroviews.captures.sfm.reregistration import reregistered
 from hydroviews.captures.sfm.room import DATABASE, LEARNED, room_for
 from hydroviews.captures.sfm.sources import (
     WORKING_FILES,
@@ -153,7 +154,11 @@ def estimate_poses(
         enter_all(WORKING_FILES, out)
         database, names = out / DATABASE, sorted(links)
         error = rain.tolerance(max(max(image_size(path)) for path in sources))
-        options, finish = rainy_options(seed, error), partial(polished, error=error)
+        options, adjust = rainy_options(seed, error), partial(polished, error=error)
+
+        def finish(model: pycolmap.Reconstruction) -> pycolmap.Reconstruction:
+            return reregistered(adjust(model), database, pictures, error, seed, adjust)
+
         with room_for(out, len(names)):
             matching.register(database, pictures, names, camera_model, shared=True, masks=masks)
             if learned:
