@@ -87,8 +87,7 @@ def main(
         every: take every so manieth view.
         out: gets a folder for every scene and pattern, with poses.csv.
         seed: of the estimation.
-        enhanced: match features of pictures enhanced by the shipped network: SIFT's beside those of the photographs,
-            learned ones instead.
+        enhanced: take features of pictures enhanced by the shipped network.
         features: see `estimate_poses`.
     """
     rows: list[dict[str, Any]] = []

@@ -30,21 +30,6 @@ class Features:
         """The first ones, where the strongest come first."""
         return Features(self.keypoints[:count], self.descriptors[:count])
 
-    def beside(self, others: "Features", distance: float) -> "Features":
-        """These, and those of the others that have none of these within so many pixels.
-
-        Two of one place and like descriptors would be matches of which none is distinct.
-        """
-        from scipy.spatial import KDTree
-
-        if not len(self) or not len(others):
-            return self if len(self) else others
-        apart, _ = KDTree(self.keypoints[:, :2]).query(others.keypoints[:, :2])
-        new = others.where(apart > distance)
-        return Features(
-            np.concatenate([self.keypoints, new.keypoints]), np.concatenate([self.descriptors, new.descriptors])
-        )
-
 
 def read_features(database: Path, names: Sequence[str]) -> list[Features]:
     """The features of images in a database."""

@@ -94,8 +94,7 @@ def estimate_poses(
             them for a view (see `rain`), and adjust the cameras again without what does not fit. Learned features are
             treated so in dry weather, too.
         enhance: takes the rain out of a picture of any size: float32 [H, W, 3], sRGB-encoded, [0, 1], to the same
-            shape; only where it is `rainy`. SIFT features of pictures enhanced so are matched besides the
-            photographs', learned ones instead.
+            shape; only where it is `rainy`. Features are those of pictures enhanced so.
         features: "learned" (XFeat, matched by LighterGlue), which withstand rain, or "sift"; "auto" takes those that
             `out` was begun with, else learned ones where it is `rainy` and their weights can be had.
 

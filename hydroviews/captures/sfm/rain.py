@@ -1,8 +1,8 @@
 """SIFT features and matches of photographs in rain, of which `matching` finds too few, and wrong ones on the lens.
 
-Drops on the lens match best where they are, so features that stay in one place of the picture are left out. Those of
-enhanced photographs come beside the photographs' own. Pairs that have enough in common are matched again, near their
-epipolar lines and less distinctly, as rain changes descriptors; other pairs would find matches near any lines.
+Drops on the lens match best where they are, so features that stay in one place of the picture are left out. Pairs that
+have enough in common are matched again, near their epipolar lines and less distinctly, as rain changes descriptors;
+other pairs would find matches near any lines.
 """
 
 import shutil
@@ -15,7 +15,7 @@ import pycolmap
 from tqdm import tqdm
 
 from hydroviews.captures.sfm import matching
-from hydroviews.captures.sfm.features import Features, image_id, read_features, write_features
+from hydroviews.captures.sfm.features import image_id, read_features, write_features
 from hydroviews.captures.sfm.lens import without_lens
 from hydroviews.captures.sfm.pairs import Pair
 from hydroviews.errors import InputError
@@ -31,10 +31,9 @@ MAX_TRIALS = 2000
 # lines; pycolmap's is 0.8.
 RATIO, GUIDED_RATIO = 0.85, 0.9
 ERRORS = (2.0, 4.0)  # pixels by which a match may be off: in small photographs, in those of MAX_IMAGE_SIZE and above
-APART = 0.75  # of these pixels between a photograph's feature and one of the enhanced photograph that is another
 
 # Beside the database, under its name.
-PHOTOGRAPHS, ENHANCED, COPIES, GUIDED = ".photographs", ".enhanced", ".copies", ".guided"
+DETECTED, COPIES, GUIDED = ".detected", ".copies", ".guided"
 
 
 def tolerance(long_side: int) -> float:
@@ -60,7 +59,7 @@ def extract(
     masks: Path | None = None,
     enhance: Enhance | None = None,
 ) -> None:
-    """Detect features, and those of enhanced copies beside them, without those that stay on the lens.
+    """Detect SIFT features without those that stay on the lens.
 
     Args:
         database: with the images registered; those that have features keep them.
@@ -69,36 +68,19 @@ def extract(
         camera_model: COLMAP's name.
         error: pixels by which features of one place may be apart.
         masks: as for `matching.extract`.
-        enhance: takes the rain out of a picture, without changing its size.
+        enhance: takes the rain out of a picture, without changing its size; features are those of enhanced pictures.
 
     Raises:
         InputError: fewer than two photographs have features that do not stay in one place, or an enhanced one has
             another size.
     """
-    found = partial(_features_of, database, names=names, camera_model=camera_model, error=error, masks=masks)
-    features = found(PHOTOGRAPHS, images)
+    pictures = images
     if enhance:
-        copies = write_enhanced(images, database.with_name(database.name + COPIES), names, enhance)
-        both = zip(features, found(ENHANCED, copies), strict=True)
-        features = [own.beside(enhanced, APART * error) for own, enhanced in both]
-    write_features(database, names, features)
-
-
-def _features_of(
-    database: Path,
-    suffix: str,
-    images: Path,
-    *,
-    names: Sequence[str],
-    camera_model: str,
-    error: float,
-    masks: Path | None,
-) -> list[Features]:
-    """Features of a folder's images, in a database beside the other, without those that stay on the lens."""
-    own = database.with_name(database.name + suffix)
-    matching.register(own, images, names, camera_model, shared=True, masks=masks)
-    matching.extract(own, images, names, camera_model, masks)
-    return without_lens(images, read_features(own, names), error)
+        pictures = write_enhanced(images, database.with_name(database.name + COPIES), names, enhance)
+    detected = database.with_name(database.name + DETECTED)
+    matching.register(detected, pictures, names, camera_model, shared=True, masks=masks)
+    matching.extract(detected, pictures, names, camera_model, masks)
+    write_features(database, names, without_lens(images, read_features(detected, names), error))
 
 
 def write_enhanced(images: Path, copies: Path, names: Sequence[str], enhance: Enhance) -> Path:
@@ -134,7 +116,7 @@ def read_enhanced(path: Path, enhance: Enhance) -> Image:
 
 def forget_parts(database: Path) -> None:
     """Remove what only an unfinished estimation needs: features of each kind, and enhanced copies."""
-    for suffix in (PHOTOGRAPHS, ENHANCED, GUIDED):
+    for suffix in (DETECTED, GUIDED):
         database.with_name(database.name + suffix).unlink(missing_ok=True)
     shutil.rmtree(database.with_name(database.name + COPIES), ignore_errors=True)
 

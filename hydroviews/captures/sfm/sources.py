@@ -22,7 +22,7 @@ logger = logging.getLogger(__name__)
 PHOTOGRAPHS = ("images", "files")  # settings that say which photographs
 FOLLOWING = "exhaustive"  # one that may follow from their number
 
-_DATABASES = [DATABASE + suffix for suffix in ("", rain.PHOTOGRAPHS, rain.ENHANCED)]
+_DATABASES = [DATABASE + suffix for suffix in ("", rain.DETECTED)]
 WORKING_FILES = (  # of pycolmap, in the capture's folder
     *(name + side for name in _DATABASES for side in ("", "-journal", "-wal", "-shm")),
     *(DATABASE + rain.GUIDED, DATABASE + rain.COPIES + "/", LEARNED + "/", MAPPING + "/", PAIRS),
