@@ -25,6 +25,7 @@ from deraings.enhancement.training.pairs import Batches
 from deraings.enhancement.training.training import EnhancementTraining
 from deraings.enhancement.validation.pictures import FAMILIES, validation_set
 from deraings.enhancement.validation.scores import scores
+from hydroviews.pairs.photographs import LONG_SIDES
 from hydroviews.rain.patterns import Pattern
 
 MEDIUM = tuple(Pattern(effect, 1) for effect in ("window", "raindrop", "streak"))
@@ -37,6 +38,7 @@ class Choice:
 
     photographs: tuple[Path, ...]  # to train on; every tenth by name is held out
     start: str = ""  # weights to begin with; none: chance
+    sides: tuple[int, ...] = LONG_SIDES  # long sides in pixels that photographs are brought to
     out: Path = Path("results/bench/families")
     cache: Path = Path("results/enhancement/rain")  # keeps what Blender bakes
     steps: int = 400
@@ -46,7 +48,7 @@ class Choice:
 def main(choice: tyro.conf.OmitArgPrefixes[Choice]) -> None:
     """Train with all families, then without each, and report."""
     torch.set_num_threads(1)
-    every = Data(choice.photographs, start=choice.start, cache=choice.cache)
+    every = Data(choice.photographs, sides=choice.sides, start=choice.start, cache=choice.cache)
     held_out = every.held_out()[: choice.pictures]
     watched = validation_set(held_out, VALIDATION_SEED, choice.cache / "validation", 0, MEDIUM, FAMILIES)
 
