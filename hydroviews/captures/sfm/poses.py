@@ -18,10 +18,9 @@ from hydroviews.captures.sfm.mapping import (
     MINIMUM,
     map_photographs,
     mapping_options,
-    polished,
     rainy_options,
 )
-from hydroviews.captures.sfm.reregistration import reregistered
+from hydroviews.captures.sfm.reregistration import settled
 from hydroviews.captures.sfm.room import DATABASE, LEARNED, room_for
 from hydroviews.captures.sfm.sources import (
     WORKING_FILES,
@@ -153,11 +152,8 @@ def estimate_poses(
         enter_all(WORKING_FILES, out)
         database, names = out / DATABASE, sorted(links)
         error = rain.tolerance(max(max(image_size(path)) for path in sources))
-        options, adjust = rainy_options(seed, error), partial(polished, error=error)
-
-        def finish(model: pycolmap.Reconstruction) -> pycolmap.Reconstruction:
-            return reregistered(adjust(model), database, pictures, error, seed, adjust)
-
+        options = rainy_options(seed, error)
+        finish = partial(settled, database=database, pictures=pictures, error=error, seed=seed)
         with room_for(out, len(names)):
             matching.register(database, pictures, names, camera_model, shared=True, masks=masks)
             if learned:

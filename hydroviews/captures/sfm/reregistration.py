@@ -5,7 +5,6 @@ views are there, each has many more points to be registered by.
 """
 
 import logging
-from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -13,7 +12,7 @@ import numpy as np
 import pycolmap
 from numpy.typing import NDArray
 
-from hydroviews.captures.sfm.mapping import mapping_options
+from hydroviews.captures.sfm.mapping import mapping_options, polished
 
 logger = logging.getLogger(__name__)
 
@@ -24,10 +23,8 @@ Model = pycolmap.Reconstruction
 Array = NDArray[np.float64]
 
 
-def reregistered(
-    model: Model, database: Path, pictures: Path, error: float, seed: int, adjust: Callable[[Model], Model]
-) -> Model:
-    """The model with misplaced views where they fit best, triangulated and adjusted anew; the same if there are none.
+def settled(model: Model, database: Path, pictures: Path, error: float, seed: int) -> Model:
+    """The model adjusted a last time, with misplaced views where they fit best.
 
     Args:
         model: of the views; stays as it is.
@@ -35,8 +32,8 @@ def reregistered(
         pictures: folder of the photographs.
         error: pixels by which a point may be off where a view belongs.
         seed: of the random sampling.
-        adjust: adjusts cameras and points.
     """
+    model = polished(model, error)
     for _ in range(ROUNDS):
         moved = misplaced(model, database, error, seed)
         if not moved:
@@ -48,8 +45,8 @@ def reregistered(
             assert view.frame is not None  # as of all registered views
             view.frame.set_cam_from_world(view.camera_id, pose)
         with TemporaryDirectory() as folder:
-            options = mapping_options(seed)
-            model = adjust(pycolmap.triangulate_points(model, database, pictures, folder, options=options))
+            options = mapping_options(seed)  # points may be a little further off than `error`, until views are adjusted
+            model = polished(pycolmap.triangulate_points(model, database, pictures, folder, options=options), error)
     return model
 
 
