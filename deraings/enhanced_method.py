@@ -67,9 +67,9 @@ class OnEnhanced(Method):
         return replace(config, method=cls.method.with_max_iterations(config.method, steps))
 
     def fit(self, scene: Scene, folder: Path) -> None:
-        """See Method; enhanced photographs are kept in `folder`."""
+        """See Method; enhanced photographs are kept in `folder`, and are used if the network finds rain."""
         views = enhanced_views(scene, read_images(scene.train_views), self.config.enhancement, folder / KEPT)
-        self._inner.fit(enhanced_scene(scene, views), folder)
+        self._inner.fit(enhanced_scene(scene, views) if views.finds_rain else scene, folder)
 
     def render(self, camera: Camera) -> Image:
         """See Method."""

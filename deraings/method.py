@@ -39,7 +39,7 @@ class DeRainGSConfig:
 
     Attributes:
         splatting: how the Gaussians are trained, as for plain 3DGS.
-        enhancement: weights, by name or path; the scene is then learned from enhanced photographs.
+        enhancement: weights, by name or path; the scene is then learned from enhanced photographs, if they show rain.
         masks: occlusion masks; None for none.
         rain: kinds of rain that are modelled where the photographs call for them; None for no model of rain.
         prior: weights, by name or path; the network is then a second opinion on mist and single streaks; the
@@ -116,11 +116,13 @@ class DeRainGS(GaussianSplatting):
         images = read_images(scene.train_views)
         evidence = cache(partial(evidence_of_scene, scene, images))
         views = enhanced_views(scene, images, config.weights, folder / KEPT, evidence) if config.weights else None
-        if views and config.enhancement:
-            images = views.training_images(clear=True)
+        enhanced = views if views and config.enhancement and views.finds_rain else None
+        if enhanced:
+            images = enhanced.training_images(clear=True)
             evidence = cache(partial(evidence_of_scene, scene, images))
-            self.found["enhancement"] = config.enhancement + ("" if views.remove_mist else " leaving fog as it is")
-        masks = self._masks(images, views if config.enhancement else None)
+        if views and config.enhancement:
+            self.found["enhancement"] = config.enhancement + _how_enhanced(views)
+        masks = self._masks(images, enhanced)
         if config.rain is None:
             return Objective(images, config.splatting.lambda_dssim, pixel_weights=masks)
         return RainObjective(
@@ -153,6 +155,13 @@ class DeRainGS(GaussianSplatting):
         if not isinstance(self._objective, RainObjective):
             raise InputError(f"{type(self).__name__}: no rain has been learned", fix="call fit first")
         return self._objective
+
+
+def _how_enhanced(views: EnhancedViews) -> str:
+    """What is unusual about enhanced views, for the record."""
+    return ("" if views.remove_mist else " leaving fog as it is") + (
+        "" if views.finds_rain else ", which finds no rain"
+    )
 
 
 class DeRainGSPlus(DeRainGS):

@@ -96,6 +96,16 @@ def test_what_counts_of_a_change_is_what_exceeds_the_expected_error(photographs,
     assert views_of(photographs, tmp_path).change_over_error(1) == pytest.approx(0.1**2 / (0.1**2 + 0.05**2), abs=0.03)
 
 
+def test_changes_within_the_expected_error_are_no_rain(photographs, tmp_path, enhance, monkeypatch):
+    assert views_of(photographs, tmp_path / "rain").finds_rain
+
+    def hardly(image, *_):
+        return Enhanced(image + np.float32(0.01), None, np.full(image.shape[:2], 0.05, np.float32))
+
+    monkeypatch.setattr("deraings.enhancement.views.predict", hardly)
+    assert not views_of(photographs, tmp_path / "dry").finds_rain
+
+
 def test_hidden_pixels_count_for_no_change(photographs, tmp_path, enhance):
     hidden = np.zeros(SIZE, bool)
     hidden[:12] = True
