@@ -159,9 +159,8 @@ class DeRainGS(GaussianSplatting):
 
 def _how_enhanced(views: EnhancedViews) -> str:
     """What is unusual about enhanced views, for the record."""
-    return ("" if views.remove_mist else " leaving fog as it is") + (
-        "" if views.finds_rain else ", which finds no rain"
-    )
+    fog = "" if views.remove_mist else " leaving fog as it is"
+    return fog if views.finds_rain else fog + ", which finds no rain"
 
 
 class DeRainGSPlus(DeRainGS):
