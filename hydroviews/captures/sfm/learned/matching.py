@@ -16,7 +16,6 @@ from tqdm import tqdm
 
 from hydroviews.captures.sfm import matching
 from hydroviews.captures.sfm.features import Features, image_id
-from hydroviews.captures.sfm.learned.cycles import unconfirmed
 from hydroviews.captures.sfm.learned.extraction import KEPT, device
 from hydroviews.captures.sfm.learned.lighterglue import LighterGlue, Prepared
 from hydroviews.captures.sfm.learned.ranking import ranked_pairs
@@ -42,7 +41,7 @@ def match(
     pairs: Iterable[Pair] | None,
     verification: pycolmap.TwoViewGeometryOptions,
 ) -> None:
-    """Match and verify pairs of views, leave out what is on the lens and what others do not confirm.
+    """Match and verify pairs of views, without what is on the lens.
 
     Args:
         database: with the images registered; gets keypoints, matches and verified matches.
@@ -65,10 +64,6 @@ def match(
     enough = {pair: found for pair, found in moving.items() if len(found) >= least}
     write(database, names, views, enough)
     matching.verify_listed(database, matching.listed(names, enough), verification)
-    verified = read_verified(database, names, enough)
-    wrong = unconfirmed(views, verified, radius)
-    forget(database, names, wrong)
-    logger.info("%d of %d verified pairs are not confirmed by others and left out", len(wrong), len(verified))
 
 
 def match_pairs(
@@ -118,22 +113,6 @@ def write(database: Path, names: Sequence[str], views: Sequence[Features], match
         for (i, j), found in matches.items():
             if not opened.exists_matches(ids[i], ids[j]):
                 opened.write_matches(ids[i], ids[j], np.ascontiguousarray(found, np.uint32))
-
-
-def read_verified(database: Path, names: Sequence[str], pairs: Iterable[Pair]) -> Found:
-    """The verified matches of those pairs that have any."""
-    with pycolmap.Database.open(database) as opened:
-        ids = [image_id(opened, name) for name in names]
-        found = {(i, j): opened.read_two_view_geometry(ids[i], ids[j]).inlier_matches for i, j in pairs}
-    return {pair: np.asarray(one, np.int64) for pair, one in found.items() if len(one)}
-
-
-def forget(database: Path, names: Sequence[str], pairs: Iterable[Pair]) -> None:
-    """Remove the verified matches of pairs, which mapping is not to use; matches stay."""
-    with pycolmap.Database.open(database) as opened:
-        ids = [image_id(opened, name) for name in names]
-        for i, j in pairs:
-            opened.delete_two_view_geometry(ids[i], ids[j])
 
 
 def _total(matches: Found) -> int:

@@ -1,11 +1,10 @@
-"""Learned features: which pairs are matched, which matches stay on the lens, which pairs others confirm."""
+"""Learned features: which pairs are matched, which matches stay on the lens."""
 
 import numpy as np
 import pytest
 
 from hydroviews.captures.sfm.features import Features
 from hydroviews.captures.sfm.learned import ranking
-from hydroviews.captures.sfm.learned.cycles import unconfirmed
 from hydroviews.captures.sfm.learned.ranking import ranked_pairs, shortlist
 from hydroviews.captures.sfm.learned.stationary import without_stationary
 
@@ -97,31 +96,3 @@ def test_views_without_features_are_matched_with_their_neighbours_alone(ring):
     found = ranked_pairs([*ring[:5], none, *ring[5:9]], RADIUS)
     assert {pair for pair in found if 5 in pair} == {(2, 5), (3, 5), (4, 5), (5, 6), (5, 7), (5, 8)}
     assert ranked_pairs([none, none, none], RADIUS) == {(0, 1), (0, 2), (1, 2)}
-
-
-def tracks(count, views):
-    """Views of the same features in other orders, with all right matches, and the orders."""
-    random = np.random.default_rng(6)
-    orders = [random.permutation(count) for _ in range(views)]
-    found = [
-        Features(random.uniform(0, 300, (count, 2)).astype(np.float32), np.zeros((count, 64), np.float32))
-        for _ in orders
-    ]
-    where = [np.argsort(order) for order in orders]
-    matches = {(i, j): np.stack([where[i], where[j]], 1) for i in range(views) for j in range(i + 1, views)}
-    return found, matches
-
-
-def test_a_pair_that_contradicts_the_others_is_found():
-    views, matches = tracks(40, 5)
-    assert unconfirmed(views, matches, RADIUS) == set()
-    matches[1, 3] = np.stack([matches[1, 3][:, 0], np.roll(matches[1, 3][:, 1], 7)], 1)
-    assert unconfirmed(views, matches, RADIUS) == {(1, 3)}
-
-
-def test_a_pair_whose_features_others_do_not_have_is_found():
-    """Views 0 and 4 have forty features in common that no other view has, and are paired with all others."""
-    views, matches = tracks(80, 5)
-    for (i, j), own in matches.items():
-        matches[i, j] = own[40:] if (i, j) == (0, 4) else own[:40]
-    assert unconfirmed(views, matches, RADIUS) == {(0, 4)}
