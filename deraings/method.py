@@ -158,7 +158,7 @@ class DeRainGS(GaussianSplatting):
 
 
 def _how_enhanced(views: EnhancedViews) -> str:
-    """What is unusual about enhanced views, for the record."""
+    """The words that a record adds to the weights, if views were enhanced in an unusual way."""
     fog = "" if views.remove_mist else " leaving fog as it is"
     return fog if views.finds_rain else fog + ", which finds no rain"
 

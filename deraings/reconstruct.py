@@ -92,7 +92,6 @@ def reconstruct(request: Reconstruction) -> Path:
         )
         warn_of_slow_profile(request.profile)
         scene = find_scene(request, folder / CAPTURE)
-        require_whole([view.path for view in scene.views], "looking for damage")
         for note in (*scene.notes, *_left_out(scene, request)):
             logger.info(note)
         scene = all_views(scene.resized(request.long_side or find_profile(request.profile).long_side))
@@ -205,14 +204,16 @@ def find_scene(request: Reconstruction, capture: Path) -> Scene:
     """The photographs with cameras, estimated into `capture` if they have none.
 
     Raises:
-        InputError: too few photographs register, or a film or camera file that cannot be read.
+        InputError: too few photographs register, a damaged photograph, or a film or camera file that cannot be read.
     """
     path = request.photographs
     if path.is_file():
         scene = capture_video(path, capture, FrameChoice(request.rate), seed=request.seed, enhance=enhanced)
         return cast(Scene, scene)  # None only where it is to stop before cameras
     if has_cameras(path):
-        return with_points(read_scene(path), capture / POINTS)
+        scene = read_scene(path)
+        require_whole([view.path for view in scene.views], "looking for damage")
+        return with_points(scene, capture / POINTS)
     require_registrable(path, capture)
     return estimate_poses(path, capture, seed=request.seed, rainy=True, enhance=enhanced)
 

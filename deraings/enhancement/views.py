@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from baselines.training.images import TrainingImages
+from baselines.training.images import TrainingImages, evenly_spread
 from baselines.training.torch_state import one_thread
 from deraings.enhancement.architecture.lenses import Lens, lenses_of_capture
 from deraings.enhancement.clear_pixels import (
@@ -137,15 +137,14 @@ class EnhancedViews:
 
     @cached_property
     def finds_rain(self) -> bool:
-        """Whether the network finds rain to remove: in dry photographs and in fog its changes are its own errors.
+        """True if the network finds rain to remove. In dry photographs and in fog, its changes are its own errors.
 
         Raises:
             InputError: a kept picture is damaged.
         """
         self.files()  # together and with progress
-        count = len(self._images)
-        chosen = np.unique(np.linspace(0, count - 1, min(count, LOOKED_AT)).round().astype(int))
-        return bool(np.mean([self.change_over_error(int(index)) for index in chosen]) >= LEAST_CHANGE)
+        chosen = evenly_spread(len(self._images), LOOKED_AT)
+        return bool(np.mean([self.change_over_error(index) for index in chosen]) >= LEAST_CHANGE)
 
     def change_over_error(self, index: int) -> float:
         """The share of what the network changes in a photograph that is not to be expected as its own error, [0, 1].

@@ -28,7 +28,7 @@ def centres(model):
 
 
 def displaced(model, shift):
-    """The model with its third view elsewhere, where it sees nothing of what it saw."""
+    """The model with its third view elsewhere, without any observation of this view."""
     wrong = pycolmap.Reconstruction(model)
     view = wrong.images[sorted(wrong.reg_image_ids())[2]]
     right = view.cam_from_world()
