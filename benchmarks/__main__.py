@@ -30,6 +30,7 @@ BENCHMARKS = {  # modules by name
     "window_look": "rain.window_look",
     "windows": "rain.windows",
     "hard_rain": "rain.hard_rain",
+    "hard_poses": "rain.hard_poses",
 }
 
 

@@ -87,9 +87,24 @@ def polished(model: pycolmap.Reconstruction, error: float) -> pycolmap.Reconstru
     views = [image for image in adjusted.images.values() if image.has_pose]
     numbers = [*(camera.params for camera in adjusted.cameras.values()), *(v.cam_from_world().matrix() for v in views)]
     whole = all(np.isfinite(one).all() for one in numbers) and min(view.num_points3D for view in views) > 0
-    if not whole:
-        logger.warning("the cameras could not be adjusted a last time: expect them to be wrong")
     return adjusted if whole else model
+
+
+def without_lost_views(model: pycolmap.Reconstruction, error: float) -> pycolmap.Reconstruction:
+    """Another model without the views that share no point with others: of a camera that only turns, none is left.
+
+    Args:
+        model: stays as it is.
+        error: pixels by which a point may be off.
+    """
+    held = pycolmap.Reconstruction(model)
+    pycolmap.ObservationManager(held).filter_all_points3D(error, FEWEST_DEGREES)
+    lost = [view for view in held.images.values() if view.has_pose and not view.num_points3D]
+    for view in lost:
+        held.deregister_frame(view.frame_id)
+    if lost:
+        logger.warning("%d views share no point with others and are left out", len(lost))
+    return held
 
 
 def map_photographs(
@@ -119,9 +134,11 @@ def map_photographs(
             models, best = grown, grown[0].num_reg_images()
         if best > ENOUGH * count:
             break
+    if best >= MINIMUM:
+        models[0] = finish(models[0])
+        best = models[0].num_reg_images()
     if best < MINIMUM:
         raise TooFewRegistered(out / "images", best, count, advice)
-    models[0] = finish(models[0])
     with plain_full_disk(out / "sparse"), temporary_beside(out / "sparse") as finished:
         for i, model in enumerate(models):
             (finished / str(i)).mkdir(parents=True)

@@ -12,7 +12,7 @@ import numpy as np
 import pycolmap
 from numpy.typing import NDArray
 
-from hydroviews.captures.sfm.mapping import mapping_options, polished
+from hydroviews.captures.sfm.mapping import MINIMUM, mapping_options, polished, without_lost_views
 
 logger = logging.getLogger(__name__)
 
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 
 def settled(model: Model, database: Path, pictures: Path, error: float, seed: int) -> Model:
-    """The model adjusted a last time, with misplaced views where they fit best.
+    """The model adjusted a last time, with misplaced views where they fit best, without views that fit nowhere.
 
     Args:
         model: of the views; stays as it is.
@@ -47,7 +47,8 @@ def settled(model: Model, database: Path, pictures: Path, error: float, seed: in
         with TemporaryDirectory() as folder:
             options = mapping_options(seed)  # points may be a little further off than `error`, until views are adjusted
             model = polished(pycolmap.triangulate_points(model, database, pictures, folder, options=options), error)
-    return model
+    held = without_lost_views(model, error)
+    return polished(held, error) if MINIMUM <= held.num_reg_images() < model.num_reg_images() else held
 
 
 def misplaced(model: Model, database: Path, error: float, seed: int) -> dict[int, pycolmap.Rigid3d]:

@@ -1,0 +1,82 @@
+"""Captures that are hard for camera estimation: what registers, how well, and what is refused."""
+
+import cv2
+import numpy as np
+import pytest
+
+from hydroviews.captures.sfm.mapping import TooFewRegistered
+from hydroviews.captures.sfm.poses import estimate_poses
+from hydroviews.dataset.sources import find_capture
+from hydroviews.scene.camera_errors import compare_cameras
+from hydroviews.scene.images import resize_area, write_png
+
+VIEWS, WIDTH, HEIGHT = 6, 200, 150
+DROPS, RADII, GREY = 60, (2, 6), 0.75
+
+
+@pytest.fixture(scope="module")
+def courtyard(tmp_path_factory):
+    """Neighbouring views of the courtyard, and their small pictures."""
+    views = find_capture("courtyard", tmp_path_factory.mktemp("courtyard"), 40, 320).views[6 : 6 + VIEWS]
+    return views, [resize_area(view.image(), WIDTH, HEIGHT) for view in views]
+
+
+def wet(image):
+    """The picture behind grey drops, which are at the same places of every picture."""
+    random, drops = np.random.default_rng(5), image.copy()
+    for x, y, radius in zip(
+        random.integers(0, WIDTH, DROPS), random.integers(0, HEIGHT, DROPS), random.integers(*RADII, DROPS), strict=True
+    ):
+        cv2.circle(drops, (int(x), int(y)), int(radius), (GREY,) * 3, -1, cv2.LINE_AA)
+    return drops
+
+
+def half_wet(image):
+    left = np.arange(WIDTH) < WIDTH // 2
+    return np.where(left[None, :, None], wet(image), image)
+
+
+CASES = {
+    "drops on half of the lens": lambda pictures: [half_wet(picture) for picture in pictures],
+    "wiped half-way": lambda pictures: [wet(p) if i < VIEWS // 2 else p for i, p in enumerate(pictures)],
+    "portrait and landscape": lambda pictures: [p[:, 43:-44] if i % 2 else p[18:-19] for i, p in enumerate(pictures)],
+    "low contrast": lambda pictures: [0.8 + 0.15 * wet(picture) for picture in pictures],
+    "three views": lambda pictures: [wet(picture) for picture in pictures[:3]],
+}
+
+
+def estimated(folder, pictures):
+    for i, picture in enumerate(pictures):
+        write_png(folder / "photographs" / f"{i}.png", picture.astype(np.float32))
+    scene = estimate_poses(folder / "photographs", folder / "out", "SIMPLE_PINHOLE", rainy=True)
+    return {view.name: view.camera.world_to_camera for view in scene.views}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_all_views_register_about_where_they_are(courtyard, tmp_path, case):
+    views, pictures = courtyard
+    painted = CASES[case](pictures)
+    true = {str(i): view.camera.world_to_camera for i, view in enumerate(views[: len(painted)])}
+    errors, _ = compare_cameras(estimated(tmp_path, painted), true)
+    assert errors.registered == len(painted)
+    assert errors.pose_auc_30 > 0.75
+
+
+def test_a_view_without_detail_is_left_out(courtyard, tmp_path):
+    _, pictures = courtyard
+    found = estimated(tmp_path, [*pictures[:4], np.full_like(pictures[0], GREY)])
+    assert sorted(found) == ["0", "1", "2", "3"]
+
+
+def turned(image, degrees):
+    """What the same place shows when the camera turns to the side; black where nothing is known."""
+    focal, angle = 0.72 * WIDTH, np.radians(degrees)
+    lens = np.array([[focal, 0, WIDTH / 2], [0, focal, HEIGHT / 2], [0, 0, 1]])
+    turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
+    return cv2.warpPerspective(image, lens @ turn @ np.linalg.inv(lens), (WIDTH, HEIGHT))
+
+
+def test_a_camera_that_only_turns_is_refused(courtyard, tmp_path):
+    """Photographs of one place show no depth."""
+    with pytest.raises(TooFewRegistered):
+        estimated(tmp_path, [wet(turned(courtyard[1][0], 5 * i)) for i in range(4)])
