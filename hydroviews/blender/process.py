@@ -13,6 +13,7 @@ from tqdm import tqdm
 
 from hydroviews.cli.processes import held_signals
 from hydroviews.errors import InputError
+from hydroviews.files import ownership
 from hydroviews.files.atomic import write_json
 
 Report = Callable[[int, int], None]  # what a Blender process tells its parent: steps done, steps in all
@@ -41,6 +42,7 @@ def run_blender(module: str, request: dict[str, Any], log: Path, label: str) -> 
         InputError: bad input found by the module, or the process failed.
     """
     log.parent.mkdir(parents=True, exist_ok=True)
+    ownership.enter(log)  # Blender writes it, not `replacing`
     with tempfile.TemporaryDirectory(prefix="hydroviews-") as folder, log.open("wb") as log_file:
         request_file = Path(folder) / "request.json"
         write_json(request_file, request)

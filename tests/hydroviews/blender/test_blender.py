@@ -32,6 +32,7 @@ from hydroviews.blender.embedded_scenes.pieces import Lamp, Piece
 from hydroviews.blender.embedded_scenes.room import BACK, FRONT, HALF_WIDTH, HEIGHT
 from hydroviews.blender.process import run_blender
 from hydroviews.errors import InputError
+from hydroviews.files import ownership
 from hydroviews.files.ownership import FILES
 from hydroviews.scene.depth import view_depth
 from hydroviews.scene.scenes import TEST_EVERY, no_points
@@ -82,6 +83,17 @@ def test_what_stops_a_process_is_told(fake_bpy, tmp_path, bpy, module, message):
     with pytest.raises(InputError, match=message):
         run_blender(module, {}, tmp_path / "log", "test")
     assert ("terminate called" in (tmp_path / "log").read_text()) == (bpy == DYING)
+
+
+def test_the_log_is_removed_with_the_folder_it_lies_in(fake_bpy, tmp_path):
+    """It was in the way of a build with other settings."""
+    ownership.claim(tmp_path)
+    fake_bpy(MISSING)
+    with pytest.raises(InputError):
+        run_blender("bake_drops", {}, tmp_path / "work" / "blender.log", "test")
+    assert (tmp_path / "work" / "blender.log").is_file()
+    ownership.clear(tmp_path / "work")
+    assert not (tmp_path / "work").exists()
 
 
 def test_an_interrupted_call_ends_its_process(fake_bpy, tmp_path):
