@@ -19,7 +19,6 @@ from hydroviews.files.full_disk import plain_full_disk
 from hydroviews.files.temporary import temporary_beside
 from hydroviews.formats.colmap_format import read_images
 from hydroviews.formats.writers import check_whole
-from hydroviews.scene.lenses import Lens
 
 logger = logging.getLogger(__name__)
 
@@ -32,6 +31,9 @@ POSE_ERROR = 3.0  # how many times as far off a point may be where a view is fir
 # Of photographs in rain, where pycolmap asks for 100 points, 30 and a quarter.
 FIRST_PAIR_POINTS, VIEW_POINTS, VIEW_SHARE = 50, 15, 0.15
 FEWEST_DEGREES = 1.5  # between the rays to a point, as in mapping
+# Focal lengths in longer sides of a picture (136 and 6 degrees wide), and a distortion, outside of which a camera is
+# wrong: photographs from places one behind the other leave the focal length open.
+PLAUSIBLE_FOCALS, MOST_DISTORTION = (0.2, 10.0), 1.0
 SNAPSHOT_EVERY = 10  # registered views between snapshots; an interruption may cost two of these intervals
 MAPPING = ".unfinished-mapping"  # with snapshots that an interrupted mapping resumes from
 
@@ -53,6 +55,8 @@ def mapping_options(seed: int) -> pycolmap.IncrementalPipelineOptions:
     options = pycolmap.IncrementalPipelineOptions(min_model_size=MINIMUM, random_seed=seed)
     options.num_threads = 1  # with more, rounding differs from run to run, and now and then the model with it
     options.snapshot_frames_freq = SNAPSHOT_EVERY
+    options.min_focal_length_ratio, options.max_focal_length_ratio = PLAUSIBLE_FOCALS
+    options.max_extra_param = MOST_DISTORTION
     return options
 
 
@@ -91,7 +95,9 @@ def polished(model: pycolmap.Reconstruction, error: float) -> pycolmap.Reconstru
 
 
 def without_lost_views(model: pycolmap.Reconstruction, error: float) -> pycolmap.Reconstruction:
-    """Another model without the views that share no point with others: of a camera that only turns, none is left.
+    """Another model without the views that share no point with others, or whose camera is not plausible.
+
+    Of a camera that only turns, none is left.
 
     Args:
         model: stays as it is.
@@ -99,12 +105,18 @@ def without_lost_views(model: pycolmap.Reconstruction, error: float) -> pycolmap
     """
     held = pycolmap.Reconstruction(model)
     pycolmap.ObservationManager(held).filter_all_points3D(error, FEWEST_DEGREES)
-    lost = [view for view in held.images.values() if view.has_pose and not view.num_points3D]
+    views = [view for view in held.images.values() if view.has_pose]
+    lost = [view for view in views if not (view.num_points3D and is_plausible(held.cameras[view.camera_id]))]
     for view in lost:
         held.deregister_frame(view.frame_id)
     if lost:
-        logger.warning("%d views share no point with others and are left out", len(lost))
+        logger.warning("%d views share no point with others, or have no plausible camera, and are left out", len(lost))
     return held
+
+
+def is_plausible(camera: pycolmap.Camera) -> bool:
+    """Whether a camera has intrinsics that photographs have; wrong models may have focal lengths of a pixel."""
+    return bool(np.isfinite(camera.params).all()) and not camera.has_bogus_params(*PLAUSIBLE_FOCALS, MOST_DISTORTION)
 
 
 def map_photographs(
@@ -129,7 +141,8 @@ def map_photographs(
     models: list[pycolmap.Reconstruction] = []
     best = 0
     for angle in FIRST_PAIR_ANGLES:
-        grown = [model for model in _incremental_mapping(out, count, angle, options) if can_be_read(model)]
+        found = _incremental_mapping(out, count, angle, options)
+        grown = [model for model in found if all(map(is_plausible, model.cameras.values()))]
         if grown and grown[0].num_reg_images() > best:
             models, best = grown, grown[0].num_reg_images()
         if best > ENOUGH * count:
@@ -146,16 +159,6 @@ def map_photographs(
             check_whole(finished / str(i))
         ownership.enter(out / "sparse", finished)
         os.replace(finished, out / "sparse")
-
-
-def can_be_read(model: pycolmap.Reconstruction) -> bool:
-    """Whether the readers accept its cameras; small models may have focal lengths of a pixel."""
-    try:
-        for camera in model.cameras.values():
-            Lens(camera.model.name, camera.width, camera.height, tuple(camera.params))
-    except InputError:
-        return False
-    return True
 
 
 def _incremental_mapping(

@@ -52,7 +52,7 @@ FeatureKind = Literal["auto", "learned", "sift"]
 SETTINGS, PERSPECTIVE = "poses.json", "perspective"
 ADVICE = (
     "take more photographs, each sharing at least two thirds of what it shows with the next and taken from "
-    "another place; blurred ones, bare walls and mirrors do not register"
+    "another place, beside and not behind the last one; blurred ones, bare walls and mirrors do not register"
 )
 
 
