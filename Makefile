@@ -96,7 +96,7 @@ endif
 
 .PHONY: setup dataset eval compare check severity enhancer drop-finder ablation leaderboard view film board bench docs test fuzz test-simd lint
 
-setup: $(READY)  ## everything into .venv, at the versions of constraints.txt
+setup: $(READY)  ## install everything into .venv, at the versions of constraints.txt
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(strip $(anew) $(VENV))
@@ -104,72 +104,72 @@ $(READY): pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --constraint constraints.txt $(call quoted,$(PIP_ARGS)) --editable $(call quote,.[$(EXTRAS)])
 	touch $(READY)
 
-dataset: $(READY)  ## a capture, its clean views, cameras and rainy variants; with SUITE= all of a suite's
+dataset: $(READY)  ## build the clean views, cameras and rainy variants of SCENE=, or of every scene of SUITE=
 	$(BIN)/python -m hydroviews build $(what) --profile $(profile) --out $(data)/$(profile) --seed $(call quote,$(SEED)) $(patterns) $(overwrite) $(repair) $(render)
 
 eval: $(READY)  ## build what is missing, run the method and the reference rows, print the table
 	$(BIN)/python -m hydroviews eval $(call quote,$(METHOD)) --scene $(call quote,$(SCENE)) --profile $(profile) --seed $(call quote,$(SEED)) --track $(call quote,$(TRACK)) --data $(data) --results $(results) $(patterns) $(overwrite)
 
-check: $(READY)  ## whether METHOD= keeps the contract of a method, on a room that is learned in seconds
+check: $(READY)  ## check that METHOD= keeps the contract of methods, on a small room; takes seconds
 	$(BIN)/python -m leaderboard check $(call quote,$(METHOD)) --profile $(profile)
 
-severity: $(READY)  ## what plain 3DGS loses to three patterns of every effect, or to PATTERNS=, entered into data cards; then what capture.json may say to meet the grades
+severity: $(READY)  ## measure what plain 3DGS loses to each pattern, or to PATTERNS=, write the losses into data cards, and suggest values of capture.json that meet the grades
 	$(MAKE) eval METHOD=3dgs $(if $(names),,PATTERNS='$(strip $(every_pattern))')
 	$(BIN)/python -m leaderboard table --results $(results) --cards $(data)/$(profile)
 
-enhancer: $(READY)  ## train the enhancement network: PHOTOGRAPHS=a folder of clean photographs
+enhancer: $(READY)  ## train the enhancement network on PHOTOGRAPHS=, a folder of clean photographs
 	$(enhance) --out $(results)/enhancement/first
 	$(enhance) --out $(results)/enhancement/second --start $(results)/enhancement/first/weights.safetensors \
 		--seed 1 --steps 8000
 	$(enhance) --out $(results)/enhancement/small --start $(results)/enhancement/second/weights.safetensors \
 		--seed 2 --steps 6000 --sides 480 384 288 --lenses 20
 
-drop-finder: $(READY)  ## train the network that finds drops for derain-nerf: PHOTOGRAPHS=a folder of clean photographs
+drop-finder: $(READY)  ## train the network that detects drops for derain-nerf, on PHOTOGRAPHS=, a folder of clean photographs
 	$(BIN)/python -m baselines.derain_nerf.raindrop_attention train --photographs $(call quote,$(PHOTOGRAPHS)) --cache $(results)/enhancement/rain --out $(results)/raindrop-attention/small
 
-compare: $(READY)  ## METHODS="..." or the seven of the Makefile, on SCENES="..." or SCENE=, for every seed of SEEDS="0 1 2"
+compare: $(READY)  ## run METHODS="..." (default: seven methods of the Makefile) on SCENES="..." or SCENE=, for each seed of SEEDS="0 1 2"
 	+$(call sweep,$(METHODS))
 
-ablation: $(READY)  ## the same for DeRainGS with parts left out and with the rain model
+ablation: $(READY)  ## run DeRainGS, DeRainGS without single parts, and deraings-plus; the same options as compare
 	+$(call sweep,$(ABLATION))
 
-leaderboard: $(READY)  ## gather all records into results/leaderboard.csv, tables and pages: open results/site/index.html
+leaderboard: $(READY)  ## gather all records into results/leaderboard.csv, tables and pages; open results/site/index.html
 	$(BIN)/python -m leaderboard table --results $(results)
 	$(BIN)/python -m leaderboard site --results $(results) --data $(data)
 
-board: $(READY)  ## tables, comparisons and pages of the published runs, README's table too: open build/board/site/index.html
+board: $(READY)  ## write tables and pages of the published runs, and fill README's table; open build/board/site/index.html
 	$(BIN)/python -m leaderboard board --pages $(BOARD_PAGES)
 
-view: $(READY)  ## a trained scene in a browser: RUN=results/... [PORT=8080]
+view: $(READY)  ## show a trained scene in a browser: RUN=results/... [PORT=8080]
 	$(BIN)/python -m leaderboard view $(call quote,$(RUN)) --data $(data) --port $(call quote,$(PORT))
 
-film: $(READY)  ## a film of a trained scene: RUN=results/... [OUT=film.mp4] [FILM_ARGS="--seconds 8 --fps 30 --size 800"]
+film: $(READY)  ## render a film of a trained scene: RUN=results/... [OUT=film.mp4] [FILM_ARGS="--seconds 8 --fps 30 --size 800"]
 	$(BIN)/python -m leaderboard film $(call quote,$(RUN)) --data $(data) --out $(call quote,$(OUT)) $(call quoted,$(FILM_ARGS))
 
-bench: $(READY)  ## speed against error: BENCH=splatting and others; `python -m benchmarks` lists them
+bench: $(READY)  ## run a benchmark: BENCH=splatting; `python -m benchmarks` lists all
 	$(BIN)/python -m benchmarks $(call quote,$(BENCH)) $(call quoted,$(BENCH_ARGS))
 
 $(DOCS): $(READY)
 	$(BIN)/python -m pip install --constraint constraints.txt --editable '.[docs]'
 	touch $(DOCS)
 
-docs: $(DOCS)  ## the site with the board's pages into build/site: open build/site/index.html
+docs: $(DOCS)  ## build the documentation and the board's pages; open build/site/index.html
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build
 	$(BIN)/python -m leaderboard board --out build/site/board --docs ../../
 
 # A file's tests share what they build, so they stay in one process; tests/conftest.py has the order of files.
-test: $(READY)  ## all tests, shared out to up to four processes
+test: $(READY)  ## run all tests, in up to four processes
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder --durations=25
 
-fuzz: $(READY)  ## damaged captures and pictures, other ones than in the tests: EXAMPLES=1000 a reader
+fuzz: $(READY)  ## read damaged captures and pictures, newly drawn, EXAMPLES=1000 per reader
 	FUZZ_EXAMPLES=$(EXAMPLES) $(BIN)/python -m pytest tests/hydroviews/formats/test_fuzzed_readers.py
 
-test-simd: $(READY)  ## the kernels' tests with all instructions that the processor has
+test-simd: $(READY)  ## run the tests of the kernels with each instruction set of the processor
 	simds=$$($(BIN)/python -c "from baselines.splatting.kernels.simd import available; print(*available())") || exit 1; \
 	for simd in $$simds; do \
 	  HYDROVIEWS_SIMD=$$simd $(BIN)/python -m pytest -q -n auto --maxprocesses 4 $(KERNEL_TESTS) || exit 1; done
 
-lint: $(READY)  ## ruff and mypy
+lint: $(READY)  ## run ruff and mypy
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
