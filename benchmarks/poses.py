@@ -7,13 +7,14 @@ table and writes poses.csv. An interrupted run goes on where it stopped.
 """
 
 import dataclasses
+import itertools
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
 import tyro
 
-from benchmarks.tables import report
+from benchmarks.tables import finished, report
 from benchmarks.timing import counted, counted_seconds
 from deraings.enhancement.enhance import enhance
 from hydroviews.captures.sfm.mapping import TooFewRegistered
@@ -22,11 +23,10 @@ from hydroviews.captures.sfm.rain import Enhance
 from hydroviews.captures.sfm.sources import link_photographs
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.variants import open_clean, open_variant
-from hydroviews.files.atomic import read_json, write_json
 from hydroviews.scene.camera_errors import compare_cameras
 from hydroviews.scene.scenes import View
 
-ROW = "row.json"
+CSV = "poses.csv"
 SPENT = "cpu-seconds.txt"
 CAMERA_MODEL = "SIMPLE_PINHOLE"  # what built pictures are: undistorted, about their middle
 
@@ -46,28 +46,24 @@ def measure(
     enhance: Enhance | None = None,
     features: FeatureKind = "auto",
 ) -> dict[str, Any]:
-    """Errors of the cameras estimated from views, against their own; kept in the folder."""
-    if not (folder / ROW).is_file():
-        named = linked(views, folder / "photographs")
-        true = {name: view.camera.world_to_camera for name, view in named.items()}
-        try:
-            with counted(folder / SPENT):
-                scene = estimate_poses(
-                    folder / "photographs",
-                    folder / "capture",
-                    CAMERA_MODEL,
-                    seed=seed,
-                    rainy=rainy,
-                    enhance=enhance,
-                    features=features,
-                )
-            errors, _ = compare_cameras({view.name: view.camera.world_to_camera for view in scene.views}, true)
-        except TooFewRegistered as error:
-            errors = dataclasses.replace(compare_cameras({}, true)[0], registered=error.registered)
-        row = {**dataclasses.asdict(errors), "cpu_s": round(counted_seconds(folder / SPENT))}
-        write_json(folder / ROW, row)
-    found: dict[str, Any] = read_json(folder / ROW)
-    return found
+    """Errors of the cameras estimated from views, against their own; an interrupted estimation in `folder` goes on."""
+    named = linked(views, folder / "photographs")
+    true = {name: view.camera.world_to_camera for name, view in named.items()}
+    try:
+        with counted(folder / SPENT):
+            scene = estimate_poses(
+                folder / "photographs",
+                folder / "capture",
+                CAMERA_MODEL,
+                seed=seed,
+                rainy=rainy,
+                enhance=enhance,
+                features=features,
+            )
+        errors, _ = compare_cameras({view.name: view.camera.world_to_camera for view in scene.views}, true)
+    except TooFewRegistered as error:
+        errors = dataclasses.replace(compare_cameras({}, true)[0], registered=error.registered)
+    return {**dataclasses.asdict(errors), "cpu_s": round(counted_seconds(folder / SPENT))}
 
 
 def main(
@@ -85,18 +81,22 @@ def main(
         scenes: folders of built scenes.
         patterns: variants, or clean.
         every: take every so manieth view.
-        out: gets a folder for every scene and pattern, with poses.csv.
+        out: gets a folder for every scene and pattern, with poses.csv, which keeps the rows of earlier calls.
         seed: of the estimation.
         enhanced: take features of pictures enhanced by the shipped network.
         features: see `estimate_poses`.
     """
-    rows: list[dict[str, Any]] = []
-    for scene in scenes:
-        for pattern in patterns:
-            built = open_clean(scene) if pattern == CLEAN else open_variant(scene, pattern)
-            rainy = pattern != CLEAN
-            helped = enhanced and rainy
-            name = f"{scene.resolve().name}-{pattern}-{every}-{seed}{'-enhanced' if helped else ''}-{features}"
-            row = measure(built.views[::every], rainy, out / name, seed, enhance if helped else None, features)
-            rows.append({"scene": built.name, "pattern": pattern, "enhanced": helped} | row)
-            report(pd.DataFrame(rows), out / "poses.csv")
+
+    def errors(scene: Path, pattern: str, helped: bool, name: str) -> dict[str, Any]:
+        built = open_clean(scene) if pattern == CLEAN else open_variant(scene, pattern)
+        chosen = enhance if helped else None
+        return measure(built.views[::every], pattern != CLEAN, out / name, seed, chosen, features)
+
+    cases = []
+    for scene, pattern in itertools.product(scenes, patterns):
+        helped = enhanced and pattern != CLEAN
+        name = f"{scene.resolve().name}-{pattern}-{every}-{seed}{'-enhanced' if helped else ''}-{features}"
+        row = {"scene": scene.resolve().name, "pattern": pattern, "enhanced": helped, "features": features}
+        row |= {"every": every, "seed": seed}
+        cases.append((row, partial(errors, scene, pattern, helped, name)))
+    report(finished(out / CSV, cases), out / CSV)
