@@ -31,6 +31,12 @@ WATER = {"M": LayerPlane("cover by water", "water"), "V": LayerPlane("cover by m
 STREAKS = {"S": LayerPlane("cover by streaks", "streaks")}
 
 
+def light_stems(planes: Mapping[str, LayerPlane]) -> list[str]:
+    """What the names of three planes of added light begin with that end with R, G and B; noise may be negative."""
+    reds = [key for key, plane in planes.items() if key.endswith("R") and plane.least >= 0]
+    return [red[:-1] for red in reds if {red[:-1] + channel for channel in COLOURS} <= planes.keys()]
+
+
 def add_water(clean: Image, layers: Layers) -> Image:
     """Water on the lens or rain in space over a view: B (1 - M) (1 - V) + D in linear light.
 

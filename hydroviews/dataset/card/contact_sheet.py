@@ -3,7 +3,7 @@
 Sheets are for eyes and are no part of the data set: they go to `<data>/sheets`, beside the scenes.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +16,7 @@ from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
 from hydroviews.files.ownership import require_ours
 from hydroviews.formats.capture_json import CAPTURED
-from hydroviews.rain.compositing import COLOURS, LayerPlane, Layers
+from hydroviews.rain.compositing import COLOURS, LayerPlane, Layers, light_stems
 from hydroviews.rain.layers import read_layers
 from hydroviews.rain.patterns import PATTERN_FILE
 from hydroviews.rain.registry import find_effect, parse_pattern
@@ -130,15 +130,9 @@ def _layer_rows(folder: Path, patterns: Sequence[str], name: str) -> list[Row]:
         planes = find_effect(parse_pattern(pattern).effect).planes
         shown = {key: plane.title for key, plane in planes.items() if plane.title and key in layers}
         tiles += [_plane_tile(layers[key], f"{key}: {title}") for key, title in shown.items()]
-        tiles += [_light_tile(layers, stem, planes[f"{stem}R"]) for stem in _colour_stems(planes)]
+        tiles += [_light_tile(layers, stem, planes[f"{stem}R"]) for stem in light_stems(planes)]
         rows.append(Row(pattern, read_json(folder / pattern / PATTERN_FILE).get("grade", ""), tiles))
     return rows
-
-
-def _colour_stems(planes: Mapping[str, LayerPlane]) -> list[str]:
-    """What the names of three planes of added light begin with that end with R, G and B; noise may be negative."""
-    reds = [key for key, plane in planes.items() if key.endswith("R") and plane.least >= 0]
-    return [red[:-1] for red in reds if {red[:-1] + channel for channel in COLOURS} <= planes.keys()]
 
 
 def _light_tile(layers: Layers, stem: str, plane: LayerPlane) -> Tile:

@@ -17,7 +17,7 @@ from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.formats.nerfstudio import CAMERA_FILE
 from hydroviews.formats.photographs import SPLIT
 from hydroviews.formats.tables.csv_tables import csv_bytes
-from hydroviews.rain.compositing import COLOURS
+from hydroviews.rain.compositing import light_stems
 from hydroviews.rain.patterns import PATTERN_FILE
 from hydroviews.rain.registry import find_effect
 
@@ -74,7 +74,7 @@ def contents(folder: Path, variant: str, entry: Mapping[str, Any], owner_says: s
     rains = [] if variant == CLEAN else [variant]
     made = _made(folder, rains, entry, licence)
     files = {name: folder / name for name in listed if name not in (*made, CARD, STATISTICS)} | made
-    left_out = {name for name in files if layers_only and not _is_ours(folder, name, rains, shareable)}
+    left_out = {name for name in files if layers_only and not is_ours(folder, name, rains, shareable)}
     facts = {key: value for key, value in entry.items() if key not in ("files", FETCHED)}
     facts |= {"notes": _notes(entry), "source": json.loads(made[REQUEST])["source"]}
     facts |= {"patterns": [name for name in rains if name != CAPTURED]}
@@ -107,10 +107,10 @@ def _is_place(word: str) -> bool:
     return PurePosixPath(path).is_absolute() or PureWindowsPath(path).is_absolute()
 
 
-def _is_ours(folder: Path, name: str, rains: list[str], shareable: bool) -> bool:
+def is_ours(folder: Path, name: str, rains: list[str], shareable: bool) -> bool:
     """Whether a file is the generator's and holds no picture of the capture.
 
-    Drops show the scene, so that planes R, G and B are a picture made of the photograph, and go with its licence.
+    Drops show the scene, so that planes of added light are a picture made of the photograph, and go with its licence.
     """
     if name in (REQUEST, SPLIT, CARD, STATISTICS) or name.startswith(f"{LICENCE}/"):
         return True
@@ -118,7 +118,7 @@ def _is_ours(folder: Path, name: str, rains: list[str], shareable: bool) -> bool
     if top not in rains:
         return False
     if below.startswith(f"{LAYERS}/"):
-        return shareable or not set(_planes(folder / top)) & set(COLOURS)
+        return shareable or not light_stems(_planes(folder / top))
     return below in (PATTERN_FILE, STATISTICS, CAMERA_FILE)
 
 

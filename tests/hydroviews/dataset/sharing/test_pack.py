@@ -14,11 +14,13 @@ from shared_data_set import built_in
 from hydroviews.__main__ import download_command, pack_command
 from hydroviews.dataset.manifest import read_manifest, record_scene
 from hydroviews.dataset.sharing.archive import open_archive
-from hydroviews.dataset.sharing.contents import APACHE_TEXT
+from hydroviews.dataset.sharing.contents import APACHE_TEXT, is_ours
 from hydroviews.dataset.sharing.fetch import fetch
 from hydroviews.dataset.sharing.pack import pack
 from hydroviews.errors import InputError
+from hydroviews.files.atomic import write_json
 from hydroviews.files.locks import locked
+from hydroviews.rain.patterns import PATTERN_FILE
 
 ROOT = Path(__file__).parents[4]
 
@@ -124,6 +126,19 @@ def test_layers_alone_hold_no_picture_of_the_capture(silent, tmp_path):
     assert {Path(name).suffix for name in storm.places} == {".json", ".csv", ".md"}
     assert sum(name.startswith("streak-1/layers/") for name in streak.places) == 9
     assert not any(name.endswith(".png") or "sparse" in name for name in (*streak.places, *storm.places))
+
+
+@pytest.mark.parametrize(
+    ("effect", "picture"),
+    [("raindrop-b", True), ("shower", True), ("window", True), ("streak-b", False), ("dark", False), ("haze", False)],
+)
+def test_layers_that_show_the_scene_go_with_its_licence(silent, effect, picture):
+    """Whatever the effect calls its planes of added light."""
+    layer = f"{effect}-1/layers/a.exr"
+    (silent / f"{effect}-1").mkdir()
+    write_json(silent / f"{effect}-1" / PATTERN_FILE, {"effect": effect})
+    assert is_ours(silent, layer, [f"{effect}-1"], shareable=False) != picture
+    assert is_ours(silent, layer, [f"{effect}-1"], shareable=True)
 
 
 def test_a_build_at_work_is_waited_for(built, tmp_path):
