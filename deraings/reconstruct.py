@@ -12,6 +12,7 @@ from baselines.method import Method, find_method
 from baselines.rendering.film import FilmChoice, draw_film
 from baselines.splatting.files.ply import SPLATS
 from baselines.training.devices import warn_of_slow_profile
+from hydroviews.captures.enhancer import find_enhancer
 from hydroviews.captures.photographs import camera_notes, require_registrable
 from hydroviews.captures.sfm.poses import estimate_poses, triangulate
 from hydroviews.captures.video.capture import capture_video
@@ -32,7 +33,7 @@ from hydroviews.formats.photographs import photographs_below, unreadable_photogr
 from hydroviews.formats.read import has_cameras, read_scene
 from hydroviews.formats.writers import write_colmap
 from hydroviews.profiles import find_profile, require_seed
-from hydroviews.scene.images import SUFFIXES, Image, write_png
+from hydroviews.scene.images import SUFFIXES, write_png
 from hydroviews.scene.photograph_damage import require_whole
 from hydroviews.scene.picture_grid import Canvas, Row, Tile, draw_sheet
 from hydroviews.scene.scenes import Scene, Split
@@ -208,14 +209,14 @@ def find_scene(request: Reconstruction, capture: Path) -> Scene:
     """
     path = request.photographs
     if path.is_file():
-        scene = capture_video(path, capture, FrameChoice(request.rate), seed=request.seed, enhance=enhanced)
+        scene = capture_video(path, capture, FrameChoice(request.rate), seed=request.seed, enhance=find_enhancer())
         return cast(Scene, scene)  # None only where it is to stop before cameras
     if has_cameras(path):
         scene = read_scene(path)
         require_whole([view.path for view in scene.views], "looking for damage")
         return with_points(scene, capture / POINTS)
     require_registrable(path, capture)
-    return estimate_poses(path, capture, seed=request.seed, rainy=True, enhance=enhanced)
+    return estimate_poses(path, capture, seed=request.seed, rainy=True, enhance=find_enhancer())
 
 
 def _left_out(scene: Scene, request: Reconstruction) -> list[str]:
@@ -241,13 +242,6 @@ def with_points(scene: Scene, folder: Path) -> Scene:
     if len(points) <= len(scene.points):
         return scene if len(scene.points) else replace(scene, notes=(*scene.notes, triangulated(0)))
     return replace(scene, points=points, notes=(*scene.notes, triangulated(len(points), len(scene.points))))
-
-
-def enhanced(photograph: Image) -> Image:
-    """A photograph [H, W, 3] as the shipped network leaves it."""
-    from deraings.enhancement.enhance import enhance  # torch takes a second to import, and not every command needs it
-
-    return enhance(photograph)
 
 
 def all_views(scene: Scene) -> Scene:

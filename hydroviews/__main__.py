@@ -25,6 +25,7 @@ from hydroviews.captures.catalogue.catalogue import (
     locate,
 )
 from hydroviews.captures.download.captures import download_captures
+from hydroviews.captures.enhancer import find_enhancer
 from hydroviews.captures.packed.sample import SAMPLE, copy_sample
 from hydroviews.captures.panoramas import Panoramas, refuse_panoramas
 from hydroviews.captures.photographs import camera_notes, check_photographs
@@ -229,8 +230,8 @@ def poses_command(
     Args:
         images: folder of the photographs.
         out: folder of the capture. Default: `<images>-capture`, or `walk-capture` for `walk/images`.
-        rainy: the photographs were taken in rain: use learned features, and ignore features fixed on the lens. The
-            capture's `capture.json` records this, so its photographs never count as clean views.
+        rainy: the photographs were taken in rain: detect learned features in enhanced photographs, and ignore features
+            fixed on the lens. The capture's `capture.json` records this, so its photographs never count as clean views.
         panoramas: cut: cut 360-degree panoramas into perspective views; refuse: raise an error for a panorama.
         features: learned: XFeat with LighterGlue, weights downloaded once; sift: SIFT; auto: learned in rain if the
             weights can be downloaded, otherwise sift.
@@ -244,7 +245,8 @@ def poses_command(
         described = read_capture_json(out)
         if rainy and described != {**described, **RAINY}:
             require_ours([out / CAPTURE])
-        scene = estimate_poses(images, out, rainy=rainy, features=features)
+        enhance = find_enhancer() if rainy else None
+        scene = estimate_poses(images, out, rainy=rainy, enhance=enhance, features=features)
         if rainy and described != {**described, **RAINY}:
             write_json(out / CAPTURE, {**described, **RAINY})
     for note in (*scene.notes, *camera_notes(scene, out / "images")):
@@ -302,6 +304,7 @@ def video_command(
             matcher=matcher,
             features=features,
             seed=seed,
+            enhance=None if dry else find_enhancer(),
         )
     if scene is None:
         draw = f"draw masks, white where hidden, with the names of {out / 'images'}; then add --masks FOLDER"

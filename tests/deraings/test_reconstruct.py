@@ -16,6 +16,7 @@ from baselines.rendering.film import FilmChoice
 from baselines.splatting.files.ply import SPLATS, read_ply
 from baselines.training import devices
 from deraings import reconstruct as module
+from deraings.enhancement.enhance import enhance
 from deraings.method import DeRainGSConfig, DeRainGSPlus
 from deraings.rain_model.config import RainConfig
 from deraings.reconstruct import (
@@ -23,7 +24,6 @@ from deraings.reconstruct import (
     SHEET,
     TRAINING,
     Reconstruction,
-    enhanced,
     find_scene,
     reconstruct,
     recorded_settings,
@@ -151,7 +151,7 @@ def test_photographs_without_cameras_have_them_estimated(request_of, tmp_path, m
     asked = []
     monkeypatch.setattr(module, "estimate_poses", lambda *given, **named: asked.append((given, named)))
     find_scene(request_of(photographs=tmp_path / "photographs", seed=7), tmp_path / "capture")
-    named = {"seed": 7, "rainy": True, "enhance": enhanced}
+    named = {"seed": 7, "rainy": True, "enhance": enhance}
     assert asked == [((tmp_path / "photographs", tmp_path / "capture"), named)]
 
 
@@ -179,7 +179,7 @@ def test_a_film_becomes_a_capture(request_of, tmp_path, monkeypatch):
     assert find_scene(request, tmp_path / "capture") == "scene"
     assert asked[0][:2] == (tmp_path / "walk.mp4", tmp_path / "capture")
     assert asked[0][2].rate == 2.0
-    assert asked[0][3]["enhance"] is enhanced
+    assert asked[0][3]["enhance"] is enhance
     assert asked[0][3]["seed"] == 7
 
 

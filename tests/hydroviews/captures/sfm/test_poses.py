@@ -21,6 +21,7 @@ from processes import PATIENCE, wait_until
 from synthetic import capture_in
 
 from hydroviews.__main__ import poses_command
+from hydroviews.captures.enhancer import find_enhancer
 from hydroviews.captures.sfm import mapping, matching, pairs
 from hydroviews.captures.sfm.mapping import is_plausible
 from hydroviews.captures.sfm.poses import estimate_poses, triangulate
@@ -399,9 +400,22 @@ def test_impossible_focal_lengths_are_recognised(focal, plausible):
 
 
 def test_a_capture_in_rain_says_so(tmp_path, monkeypatch):
-    """Its photographs are not taken for clean views by the build that the command recommends."""
-    monkeypatch.setattr("hydroviews.__main__.estimate_poses", lambda images, out, rainy, features: capture_in(out))
+    """Its photographs are not taken for clean views by the build that the command recommends; it is enhanced."""
+    enhanced = []
+
+    def estimate(images, out, rainy, enhance, features):
+        enhanced.append(enhance)
+        return capture_in(out)
+
+    monkeypatch.setattr("hydroviews.__main__.estimate_poses", estimate)
     for rainy in (False, True):
         out = tmp_path / f"capture-{rainy}"
         poses_command(tmp_path / "walk", out, rainy=rainy)
         assert captured_rainy(out) == rainy
+    assert enhanced == [None, find_enhancer()]
+
+
+def test_enhancement_that_nobody_registered(monkeypatch):
+    monkeypatch.setattr("hydroviews.captures.enhancer.registered", lambda group: {})
+    with pytest.raises(InputError, match="no enhancement of rainy photographs is installed"):
+        find_enhancer()
