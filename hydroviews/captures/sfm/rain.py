@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 
 import cv2
+import numpy as np
 import pycolmap
 from tqdm import tqdm
 
@@ -20,7 +21,8 @@ from hydroviews.captures.sfm.lens import without_lens
 from hydroviews.captures.sfm.pairs import Pair
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_bytes
-from hydroviews.scene.images import Image, read_image, to_uint8
+from hydroviews.scene.cameras import fitted_size
+from hydroviews.scene.images import Image, read_image, resize_area, to_uint8
 
 Enhance = Callable[[Image], Image]
 
@@ -30,7 +32,9 @@ MAX_TRIALS = 2000
 # Of the distances of a descriptor to the nearest and to the second nearest, at most, for all pairs, and near epipolar
 # lines; pycolmap's is 0.8.
 RATIO, GUIDED_RATIO = 0.85, 0.9
-ERRORS = (2.0, 4.0)  # pixels by which a match may be off: in small photographs, in those of MAX_IMAGE_SIZE and above
+# Pixels by which a match may be off: in small photographs, and in those of MAX_IMAGE_SIZE. In larger ones it may be off
+# by more, as features are detected in shrunk ones.
+ERRORS = (2.0, 4.0)
 
 # Beside the database, under its name.
 DETECTED, COPIES, GUIDED = ".detected", ".copies", ".guided"
@@ -39,7 +43,7 @@ DETECTED, COPIES, GUIDED = ".detected", ".copies", ".guided"
 def tolerance(long_side: int) -> float:
     """Pixels by which a match may be off, for the longer side of photographs in pixels."""
     least, most = ERRORS
-    return max(least, most * min(1.0, long_side / matching.MAX_IMAGE_SIZE))
+    return max(least, most * long_side / matching.MAX_IMAGE_SIZE)
 
 
 def verification_options(seed: int, error: float) -> pycolmap.TwoViewGeometryOptions:
@@ -97,21 +101,25 @@ def write_enhanced(images: Path, copies: Path, names: Sequence[str], enhance: En
 
 
 def read_enhanced(path: Path, enhance: Enhance) -> Image:
-    """A photograph, enhanced.
+    """A photograph, enhanced at no more than MAX_IMAGE_SIZE, as features are detected at no more either.
 
     Raises:
         InputError: to another size; or it cannot be read.
     """
     image = read_image(path)
-    enhanced = enhance(image)
-    if enhanced.shape != image.shape:
+    size = image.shape[1], image.shape[0]
+    shrunk = resize_area(image, *fitted_size(*size, matching.MAX_IMAGE_SIZE))
+    enhanced = enhance(shrunk)
+    if enhanced.shape != shrunk.shape:
         raise InputError(
             f"{path}: enhanced to another size",
             found=f"shape {enhanced.shape}",
-            expected=f"{image.shape}",
+            expected=f"{shrunk.shape}",
             fix="enhance without cropping or scaling",
         )
-    return enhanced
+    if shrunk.shape == image.shape:
+        return enhanced
+    return np.asarray(cv2.resize(enhanced, size, interpolation=cv2.INTER_LINEAR), np.float32)
 
 
 def forget_parts(database: Path) -> None:

@@ -154,6 +154,6 @@ def test_rainy_photographs_with_enhanced_ones_get_cameras(walk, tmp_path):
         estimate_poses(walk[0], tmp_path, rainy=True)
 
 
-@pytest.mark.parametrize(("side", "pixels"), [(100, 2), (320, 2), (800, 2), (1200, 3), (1600, 4), (4000, 4)])
+@pytest.mark.parametrize(("side", "pixels"), [(100, 2), (320, 2), (800, 2), (1200, 3), (1600, 4), (4000, 10)])
 def test_small_photographs_have_smaller_tolerances(side, pixels):
     assert rain.tolerance(side) == pixels

@@ -11,7 +11,7 @@ from hydroviews.captures.sfm import poses
 from hydroviews.captures.sfm.features import image_id
 from hydroviews.captures.sfm.learned import extraction, lighterglue, matching, weights
 from hydroviews.captures.sfm.poses import estimate_poses
-from hydroviews.captures.sfm.rain import verification_options
+from hydroviews.captures.sfm.rain import read_enhanced, verification_options
 from hydroviews.errors import InputError
 from hydroviews.scene.images import resize_area, write_png
 from hydroviews.scene.masks import mask_name, write_ignored
@@ -145,3 +145,18 @@ def test_features_of_enhanced_photographs_are_those_of_the_enhanced_ones(walk, f
         extraction.extract(tmp_path / "cut", folder, names, enhance=lambda image: image[1:])
     again = extraction.extract(tmp_path / "bright", folder, names)  # what is kept is not detected again
     assert [len(one) for one in again] == [0] * 4
+
+
+def test_large_photographs_are_enhanced_at_the_size_of_the_detection(tmp_path):
+    """A photograph of a telephone takes half a minute otherwise."""
+    write_png(tmp_path / "large.png", np.full((1500, 2000, 3), 0.5, np.float32))
+    shapes = []
+
+    def enhance(image):
+        shapes.append(image.shape)
+        return image + np.float32(0.25)
+
+    enhanced = read_enhanced(tmp_path / "large.png", enhance)
+    assert shapes == [(1200, 1600, 3)]
+    assert enhanced.shape == (1500, 2000, 3)
+    np.testing.assert_allclose(enhanced, 0.75, atol=2e-3)
