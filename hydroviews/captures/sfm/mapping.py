@@ -34,6 +34,7 @@ FEWEST_DEGREES = 1.5  # between the rays to a point, as in mapping
 # Focal lengths in longer sides of a picture (136 and 6 degrees wide), and a distortion, outside of which a camera is
 # wrong: photographs from places one behind the other leave the focal length open.
 PLAUSIBLE_FOCALS, MOST_DISTORTION = (0.2, 10.0), 1.0
+STARTS = 4  # mappings at most, of captures in which views were in a wrong place
 SNAPSHOT_EVERY = 10  # registered views between snapshots; an interruption may cost two of these intervals
 MAPPING = ".unfinished-mapping"  # with snapshots that an interrupted mapping resumes from
 
@@ -119,39 +120,44 @@ def is_plausible(camera: pycolmap.Camera) -> bool:
     return bool(np.isfinite(camera.params).all()) and not camera.has_bogus_params(*PLAUSIBLE_FOCALS, MOST_DISTORTION)
 
 
+Finish = Callable[[pycolmap.Reconstruction], tuple[pycolmap.Reconstruction, int]]
+
+
 def map_photographs(
     out: Path,
     count: int,
     options: pycolmap.IncrementalPipelineOptions,
     advice: str,
-    finish: Callable[[pycolmap.Reconstruction], pycolmap.Reconstruction] = lambda model: model,
+    finish: Finish = lambda model: (model, 0),
 ) -> None:
     """Find cameras and points; the models go to `out/sparse` together, the largest first.
 
     Args:
         out: with `images` and the database of their matches.
         count: of the photographs.
-        options: of the mapping; a first pair's angle is set here.
+        options: of the mapping; a first pair's angle and the seed are set here.
         advice: what to do if too few register.
-        finish: makes the largest model better in the end.
+        finish: makes the largest model better in the end, and says how many of its views were in a wrong place. Where
+            there are some, mapping is repeated with other seeds; the model with most observations is taken.
 
     Raises:
         TooFewRegistered: fewer than three.
     """
     models: list[pycolmap.Reconstruction] = []
-    best = 0
-    for angle in FIRST_PAIR_ANGLES:
-        found = _incremental_mapping(out, count, angle, options)
-        grown = [model for model in found if all(map(is_plausible, model.cameras.values()))]
-        if grown and grown[0].num_reg_images() > best:
-            models, best = grown, grown[0].num_reg_images()
-        if best > ENOUGH * count:
+    for start in range(STARTS):
+        found = _largest_first(out, count, options)
+        if _registered(found) < MINIMUM:
+            models = models or found
             break
-    if best >= MINIMUM:
-        models[0] = finish(models[0])
-        best = models[0].num_reg_images()
-    if best < MINIMUM:
-        raise TooFewRegistered(out / "images", best, count, advice)
+        found[0], misplaced = finish(found[0])
+        if not models or found[0].compute_num_observations() > models[0].compute_num_observations():
+            models = found
+        if not misplaced:
+            break
+        logger.info("mapping %d of up to %d: %d views were in a wrong place", start + 1, STARTS, misplaced)
+        options.random_seed += 1
+    if _registered(models) < MINIMUM:
+        raise TooFewRegistered(out / "images", _registered(models), count, advice)
     with plain_full_disk(out / "sparse"), temporary_beside(out / "sparse") as finished:
         for i, model in enumerate(models):
             (finished / str(i)).mkdir(parents=True)
@@ -159,6 +165,26 @@ def map_photographs(
             check_whole(finished / str(i))
         ownership.enter(out / "sparse", finished)
         os.replace(finished, out / "sparse")
+
+
+def _largest_first(
+    out: Path, count: int, options: pycolmap.IncrementalPipelineOptions
+) -> list[pycolmap.Reconstruction]:
+    """The models of one mapping, from the widest first pair with which enough photographs register."""
+    models: list[pycolmap.Reconstruction] = []
+    for angle in FIRST_PAIR_ANGLES:
+        found = _incremental_mapping(out, count, angle, options)
+        grown = [model for model in found if all(map(is_plausible, model.cameras.values()))]
+        if _registered(grown) > _registered(models):
+            models = grown
+        if _registered(models) > ENOUGH * count:
+            break
+    return models
+
+
+def _registered(models: list[pycolmap.Reconstruction]) -> int:
+    """How many views the first of the models has."""
+    return models[0].num_reg_images() if models else 0
 
 
 def _incremental_mapping(

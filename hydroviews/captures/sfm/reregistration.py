@@ -23,7 +23,7 @@ Model = pycolmap.Reconstruction
 Array = NDArray[np.float64]
 
 
-def settled(model: Model, database: Path, pictures: Path, error: float, seed: int) -> Model:
+def settled(model: Model, database: Path, pictures: Path, error: float, seed: int) -> tuple[Model, int]:
     """The model adjusted a last time, with misplaced views where they fit best, without views that fit nowhere.
 
     Args:
@@ -32,12 +32,16 @@ def settled(model: Model, database: Path, pictures: Path, error: float, seed: in
         pictures: folder of the photographs.
         error: pixels by which a point may be off where a view belongs.
         seed: of the random sampling.
+
+    Returns:
+        The model, and how many times a view was moved.
     """
-    model = polished(model, error)
+    model, total = polished(model, error), 0
     for _ in range(ROUNDS):
         moved = misplaced(model, database, error, seed)
         if not moved:
             break
+        total += len(moved)
         logger.info("%d of %d views fit better elsewhere and are moved", len(moved), model.num_reg_images())
         model = pycolmap.Reconstruction(model)
         for image, pose in moved.items():
@@ -48,7 +52,8 @@ def settled(model: Model, database: Path, pictures: Path, error: float, seed: in
             options = mapping_options(seed)  # points may be a little further off than `error`, until views are adjusted
             model = polished(pycolmap.triangulate_points(model, database, pictures, folder, options=options), error)
     held = without_lost_views(model, error)
-    return polished(held, error) if MINIMUM <= held.num_reg_images() < model.num_reg_images() else held
+    whole = not MINIMUM <= held.num_reg_images() < model.num_reg_images()
+    return (held if whole else polished(held, error)), total
 
 
 def misplaced(model: Model, database: Path, error: float, seed: int) -> dict[int, pycolmap.Rigid3d]:
