@@ -20,6 +20,7 @@ from hydroviews.captures.video.decoding import open_video
 from hydroviews.captures.video.frames import FrameChoice
 from hydroviews.dataset.card.contact_sheet import spread
 from hydroviews.dataset.clean_views import TOO_FEW, triangulated
+from hydroviews.dataset.manifest import require_outside_scenes
 from hydroviews.errors import InputError
 from hydroviews.files import ownership
 from hydroviews.files.atomic import read_json
@@ -189,8 +190,9 @@ def require_outside(request: Reconstruction) -> None:
     """Refuse to write among the photographs: pictures there would be read as photographs the next time.
 
     Raises:
-        InputError: the folder to write to lies in that of the photographs.
+        InputError: the folder to write to lies in that of the photographs, or in a built scene.
     """
+    require_outside_scenes(request.folder)
     folder, photographs = request.folder.resolve(), request.photographs.resolve()
     if photographs.is_dir() and folder.is_relative_to(photographs):
         raise InputError(

@@ -36,7 +36,7 @@ from hydroviews.cli.commands import choices, run_command
 from hydroviews.cli.plugins import registered
 from hydroviews.dataset.card.contact_sheet import COLUMNS, write_sheets
 from hydroviews.dataset.checks.verify import verify
-from hydroviews.dataset.manifest import built_scenes
+from hydroviews.dataset.manifest import built_scenes, require_outside_scenes
 from hydroviews.dataset.sharing.fetch import fetch
 from hydroviews.dataset.sharing.pack import pack
 from hydroviews.dataset.sources import build_source
@@ -49,8 +49,8 @@ from hydroviews.formats.capture_json import FILE as CAPTURE
 from hydroviews.formats.capture_json import RAINY, read_capture_json
 from hydroviews.formats.photographs import FOLDERS, photographs_below
 from hydroviews.formats.read import has_cameras
-from hydroviews.profiles import PROFILES, Profile, find_profile
-from hydroviews.rain.registry import pattern_names
+from hydroviews.profiles import PROFILES, Profile, find_profile, require_long_side, require_seed
+from hydroviews.rain.registry import parse_pattern, pattern_names
 from hydroviews.rain.scene_statistics import LensRenderer
 from hydroviews.scene.masks import MASKS
 
@@ -97,8 +97,12 @@ def build_command(
         settings = {"captures": captures, "seed": seed, "overwrite": overwrite, "repair": repair, "render": render}
         _build_suite(suite, data, sizes, settings)
         return
+    for name in patterns:  # before cameras are estimated, which may take hours
+        parse_pattern(name)
+    require_seed(seed)
+    require_long_side(long_side)
     folder = build_source(
-        _with_cameras(scene),
+        _with_cameras(scene, data),
         data,
         sizes,
         patterns=patterns,
@@ -114,12 +118,18 @@ def build_command(
     print(f"built: {folder}")
 
 
-def _with_cameras(source: str) -> str:
+def _with_cameras(source: str, data: Path) -> str:
     """What to build: of a folder of photographs without cameras, the capture beside it, made first."""
     folder = Path(source)
     named = source in EMBEDDED or find_captures(source)
     if named or not folder.is_dir() or has_cameras(folder) or not photographs_below(folder):
         return source
+    if data.resolve().is_relative_to(folder.resolve()):  # clean views would be photographs the next time
+        raise InputError(
+            f"--out {data}: among the photographs",
+            expected="a data folder beside them",
+            fix="choose another --out, or start the command from another folder",
+        )
     out = _capture_beside(folder.resolve())
     poses_command(folder, out)
     return str(out)
@@ -156,6 +166,8 @@ def download_command(
     elif name == SAMPLE:
         clip = copy_sample(out or Path())
         print(f"ready: {clip}; try `hydroviews reconstruct {shlex.quote(str(clip))} --profile demo`")
+    elif name in EMBEDDED:
+        print(f"{name} comes with the package: `hydroviews build {name}` builds it")
     elif is_packed(name):
         if out is None:
             raise InputError(f"{name}: a packed variant without a data folder", fix="add --out data/fetched")
@@ -239,6 +251,7 @@ def poses_command(
     images = images.resolve()
     out = out or _capture_beside(images)
     check_photographs(images, out)
+    require_outside_scenes(out)
     if panoramas == "refuse":
         refuse_panoramas(photographs_below(images))
     with locked(out.resolve(), BUSY):

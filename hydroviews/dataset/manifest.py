@@ -84,6 +84,24 @@ def scene_entry(scene: Path) -> dict[str, Any] | None:
     return None
 
 
+def require_outside_scenes(folder: Path) -> None:
+    """Refuse a folder for other results in a built scene, whose files would count as the scene's own.
+
+    Raises:
+        InputError: the folder lies in a scene that a manifest lists.
+    """
+    folder = Path(os.path.abspath(folder))
+    for one in (folder, *folder.parents):
+        try:
+            entry = scene_entry(one)
+        except InputError:  # somebody else's manifest.json
+            continue
+        if entry is not None:
+            raise InputError(
+                f"{folder}: in the built scene {one}", fix="choose another --out, outside of the data folder"
+            )
+
+
 def listed_files(scene: Path, entry: Mapping[str, Any]) -> dict[Path, str]:
     """The files of a scene's entry, with the SHA-256 that each must have."""
     return {scene / name: digest for name, digest in entry["files"].items()}

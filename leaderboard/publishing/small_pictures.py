@@ -65,5 +65,6 @@ def ship_views(runs: Mapping[Path, Record], results: Path, data: Path | None, bo
 
 
 def _write(path: Path, source: Path) -> None:
-    if not path.is_file():
-        write_bytes(path, small_copy(source))
+    content = small_copy(source)
+    if not path.is_file() or path.read_bytes() != content:  # of other data, which the runs had earlier
+        write_bytes(path, content)

@@ -218,6 +218,12 @@ def test_a_scene_among_the_photographs_is_refused(request_of, capture):
         reconstruct(request_of(out=capture / "images" / "scene"))
 
 
+def test_a_scene_in_a_built_one_is_refused(request_of, monkeypatch, tmp_path):
+    monkeypatch.setattr("hydroviews.dataset.manifest.scene_entry", lambda folder: {} if folder.name == "room" else None)
+    with pytest.raises(InputError, match=r"in the built scene .*/room\n"):
+        reconstruct(request_of(out=tmp_path / "data" / "room" / "streak-1-scene"))
+
+
 def test_a_scene_that_was_moved_is_the_same_scene(request_of, capture, tmp_path):
     assert recorded_settings(request_of(out=tmp_path / "a")) == recorded_settings(
         request_of(out=tmp_path / "b", rate=2.0)

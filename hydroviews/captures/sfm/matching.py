@@ -60,7 +60,7 @@ def interruptible(call: Callable[..., Result], tick: Callable[[], object] = lamb
         # in the middle of the call.
         while not finished.wait(0.2):
             tick()
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, SystemExit):  # the latter of SIGTERM and SIGHUP, see `cli.processes.Ended`
         token.cancel()
         finished.wait()
         raise

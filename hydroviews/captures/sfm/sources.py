@@ -143,5 +143,6 @@ def _other_photographs(folder: Path, earlier: list[str], now: list[str]) -> Inpu
     return InputError(
         f"{folder}: has the cameras of other photographs",
         found="; ".join(differences) or "photographs of the same names and other sizes",
-        fix="put the photographs back as they were, or choose another --out for these",
+        fix="put the photographs back as they were; or remove this folder; or estimate cameras into another one: "
+        "`hydroviews poses PHOTOGRAPHS --out FOLDER`",
     )

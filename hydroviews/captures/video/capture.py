@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from hydroviews.captures.photographs import without_camera
+from hydroviews.captures.sfm.poses import SETTINGS as POSES
 from hydroviews.captures.sfm.poses import FeatureKind, Matcher, estimate_poses
 from hydroviews.captures.sfm.rain import Enhance
 from hydroviews.captures.video.frames import FILE, IMAGES, SETTINGS, FrameChoice, take_frames
@@ -64,6 +65,7 @@ def capture_video(
     require_seed(seed)
     if inpaint and not masks:
         raise InputError("--inpaint: nothing to fill in", fix="say what to hide with --masks")
+    _require_begun_alike(out, dry, masks is not None, inpaint)
     for note in take_frames(path, out, choice):
         logger.info(note)
     frames = read_json(out / FILE)["frames"]
@@ -94,6 +96,29 @@ def capture_video(
     return replace(
         scene, notes=(*scene.notes, *registration_notes(without_camera(scene, out / IMAGES), len(frames), advice))
     )
+
+
+def _require_begun_alike(out: Path, dry: bool, masked: bool, inpaint: bool) -> None:
+    """Refuse other frames than those that cameras are being estimated of, before anything of them is changed.
+
+    Raises:
+        InputError: cameras were begun in other weather, or with other masks.
+    """
+    begun = read_json(out / POSES) if (out / POSES).is_file() else None
+    if not isinstance(begun, dict):
+        return
+    facts = (
+        (bool(begun.get("rainy")), not dry, "in rain", "in dry weather"),
+        (bool(begun.get("masks")), masked, "with masks", "without masks"),
+        (bool(read_capture_json(out).get("inpainted")), inpaint, "with --inpaint", "without --inpaint"),
+    )
+    for earlier, now, yes, no in facts:
+        if earlier != now:
+            raise InputError(
+                f"{out}: cameras of these frames were begun {yes if earlier else no}",
+                found=f"a command {yes if now else no}",
+                fix="repeat the earlier command, or choose another --out",
+            )
 
 
 def advise(choice: FrameChoice, masked: bool) -> str:

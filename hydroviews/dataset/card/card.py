@@ -142,7 +142,7 @@ def card_text(folder: Path, patterns: Sequence[str], notes: Sequence[str], licen
     parts = [
         _about(folder, request, facts, notes),
         _severity(folder, facts),
-        _losses(folder),
+        _losses(folder, patterns),
         _origin(folder, request, patterns, licence),
         how_to_open(folder.name, patterns),
     ]
@@ -195,14 +195,16 @@ def _mean_and_range(row: "pd.Series", column: str, factor: float, form: str, uni
     return f"{mean}{unit}" + (f" ({low} to {high})" if low != high else "")
 
 
-def _losses(folder: Path) -> str:
-    if not is_there(folder / LOSSES):
-        return ""
-
+def _losses(folder: Path, patterns: Sequence[str]) -> str:
+    losses = read_csv(folder / LOSSES, keep_default_na=False).to_dict("records") if is_there(folder / LOSSES) else []
     rows = []
-    for row in read_csv(folder / LOSSES, keep_default_na=False).to_dict("records"):
+    for row in losses:
+        if row["pattern"] not in patterns:
+            continue
         levels = [f"{row[name]:.2f} dB" for name in ("clean", "rainy", "loss")]
         rows.append((row["pattern"], row["grade"], row["track"], *levels, row["seeds"]))
+    if not rows:
+        return ""
     head = ("rain", "grade", "track", "trained on clean views", "on rainy views", "loss", "seeds")
     text = "Held-out PSNR of plain 3D Gaussian splatting against the clean views."
     return "\n".join(["## What it costs plain 3DGS", "", text, "", markdown_table(head, rows)])

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
-from hydroviews.dataset.card.card import APACHE, CARD, LICENCE, STATED, Licence, card_text, find_licence
+from hydroviews.dataset.card.card import APACHE, CARD, LICENCE, LOSSES, STATED, Licence, card_text, find_licence
 from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.request import REQUEST
 from hydroviews.dataset.sharing.fetched import FETCHED
@@ -73,7 +73,7 @@ def contents(folder: Path, variant: str, entry: Mapping[str, Any], owner_says: s
     listed = {name: digest for name, digest in entry["files"].items() if PurePosixPath(name).parts[0] not in others}
     rains = [] if variant == CLEAN else [variant]
     made = _made(folder, rains, entry, licence)
-    files = {name: folder / name for name in listed if name not in (*made, CARD, STATISTICS)} | made
+    files = {name: folder / name for name in listed if name not in (*made, CARD, STATISTICS, LOSSES)} | made
     left_out = {name for name in files if layers_only and not is_ours(folder, name, rains, shareable)}
     facts = {key: value for key, value in entry.items() if key not in ("files", FETCHED)}
     facts |= {"notes": _notes(entry), "source": json.loads(made[REQUEST])["source"]}

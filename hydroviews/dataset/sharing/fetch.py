@@ -176,7 +176,7 @@ def _composite(packed: Packed, folder: Path, staged: Path, names: Collection[str
             f"{folder}: the archive leaves out {len(rest)} files that are not here either",
             found=f"no {some(sorted(rest))}",
             expected="the scene, built from the same capture; the archive has no pictures",
-            fix=f"build it first: {_command(packed)}",
+            fix=f"build it first: {_command(packed, folder.parent)}",
         )
     for name in tqdm(names, desc=f"{packed.scene}: rainy views", unit="view"):
         path, variant = PurePosixPath(name), staged / PurePosixPath(name).parts[0]
@@ -193,12 +193,12 @@ def _can_be_made(packed: Packed, folder: Path, name: str) -> bool:
     return path.match(f"*/{IMAGES}/*.png") and layer in packed.places and (folder / CLEAN / path.name).is_file()
 
 
-def _command(packed: Packed) -> str:
-    """The build that makes the scene again."""
+def _command(packed: Packed, data: Path) -> str:
+    """The build that makes the scene again in a data folder."""
     entry = packed.entry
     size = ["--long-side", entry["long_side"]] if entry["long_side"] else []
     patterns = ["--patterns", *entry["patterns"]] if entry["patterns"] else []
-    options = [entry["source"], *size, "--seed", entry["seed"], *patterns]
+    options = [entry["source"], "--out", data, *size, "--seed", entry["seed"], *patterns]
     return shlex.join(["hydroviews", "build", *map(str, options)])
 
 

@@ -6,6 +6,7 @@ from distorted import colmap_capture, write_model, write_photographs
 from hydroviews import __main__ as commands
 from hydroviews.dataset import sources
 from hydroviews.dataset.checks.verify import verify
+from hydroviews.dataset.manifest import require_outside_scenes
 from hydroviews.dataset.sources import build_source, choose_images, find_capture
 from hydroviews.errors import InputError
 from hydroviews.formats.capture_json import CAPTURED
@@ -64,6 +65,33 @@ def test_photographs_without_cameras_get_them_before_they_are_built(tmp_path, mo
         commands.build_command(source, out=tmp_path / "data", patterns=("streak-0",), long_side=24)
     assert asked == [(Path("walk"), tmp_path / "walk-capture")]
     assert len(list((tmp_path / "data/walk-capture/streak-0/images").iterdir())) == len(NAMES)
+
+
+def test_a_build_that_is_refused_estimates_no_cameras(tmp_path, monkeypatch):
+    """Neither one with a misspelt pattern, nor one whose clean views would be photographs the next time."""
+    monkeypatch.setattr(commands, "poses_command", pytest.fail)
+    write_photographs(tmp_path / "walk", NAMES)
+    with pytest.raises(InputError, match="streakk-1"):
+        commands.build_command("walk", out=tmp_path / "data", patterns=("streakk-1",))
+    with pytest.raises(InputError, match="seed"):
+        commands.build_command("walk", out=tmp_path / "data", seed=-1)
+    monkeypatch.chdir(tmp_path / "walk")
+    with pytest.raises(InputError, match=r"--out data/demo: among the photographs[\s\S]*another --out"):
+        commands.build_command(".", patterns=("streak-0",))
+
+
+def test_results_do_not_go_into_built_scenes(tmp_path):
+    """They would count as the scene's own: packed with it, and removed when it is built anew."""
+    folder = build_source(str(colmap_capture(tmp_path / "room")), tmp_path / "data", find_profile("demo"), long_side=24)
+    with pytest.raises(InputError, match=r"in the built scene .*room\n.*outside of the data folder"):
+        commands.poses_command(folder / "clean", out=folder / "capture")
+    require_outside_scenes(tmp_path / "data" / "walk-scene")
+
+
+def test_an_embedded_scene_is_not_downloaded(capsys, tmp_path):
+    commands.download_command("room", captures=tmp_path)
+    assert "room comes with the package: `hydroviews build room`" in capsys.readouterr().out
+    assert not list(tmp_path.iterdir())
 
 
 def test_two_captures_of_one_name_are_told_apart(tmp_path):

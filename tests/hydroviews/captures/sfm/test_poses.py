@@ -1,4 +1,3 @@
-import os
 import re
 import shutil
 import signal
@@ -26,6 +25,7 @@ from hydroviews.captures.sfm import mapping, matching, pairs
 from hydroviews.captures.sfm.mapping import is_plausible
 from hydroviews.captures.sfm.poses import estimate_poses, triangulate
 from hydroviews.captures.sfm.sources import link_photographs
+from hydroviews.cli.processes import Ended
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import sha256
 from hydroviews.files.ownership import FILES
@@ -147,18 +147,22 @@ def test_interrupted_estimation_goes_on_and_agrees_with_the_solved_poses(estimat
         estimate_poses(flower, out, seed=1)
 
 
-def test_an_interruption_waits_for_the_safe_point():
+@pytest.mark.parametrize("interruption", [KeyboardInterrupt, Ended])
+def test_an_interruption_waits_for_the_safe_point(interruption):
+    """By Ctrl-C, or by a signal that ends programs, during which another command would open the same database."""
     ended = []
 
+    def tick():
+        raise interruption(signal.SIGTERM)
+
     def call(cancellation_token):
-        os.kill(os.getpid(), signal.SIGINT)
         while not cancellation_token.is_cancelled:
             time.sleep(0.01)
         time.sleep(0.3)  # on the way to the safe point
         ended.append(True)
 
-    with pytest.raises(KeyboardInterrupt):
-        matching.interruptible(call)
+    with pytest.raises(interruption):
+        matching.interruptible(call, tick)
     assert ended
 
 

@@ -20,6 +20,7 @@ from hydroviews.dataset.build import build
 from hydroviews.dataset.checks.verify import verify
 from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.errors import InputError
+from hydroviews.files.atomic import write_json
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.formats.read import read_scene
 from hydroviews.rain.patterns import Pattern
@@ -388,6 +389,28 @@ def test_cameras_are_estimated_with_the_features_that_are_asked_for(tmp_path, mo
         capture_video(video, tmp_path / "rainy", FrameChoice())
     with pytest.raises(InputError, match="sift False"):
         capture_video(video, tmp_path / "dry", FrameChoice(), features="sift", dry=True)
+
+
+@pytest.mark.parametrize("changed", [{"dry": True}, {"masks": True}, {"masks": True, "inpaint": True}])
+def test_a_refused_command_changes_nothing(tmp_path, monkeypatch, changed):
+    """Rainy frames became clean ones, or were filled in."""
+
+    def estimate(images, out, rainy, masks, **options):
+        write_json(out / "poses.json", {"rainy": rainy or None, "masks": masks and "digest"})
+        raise InputError("interrupted")
+
+    monkeypatch.setattr(video_capture, "estimate_poses", estimate)
+    video, out = write_video(tmp_path / "walk.mkv", [picture(i) for i in range(16)], rate=4), tmp_path / "walk"
+    with pytest.raises(InputError, match="interrupted"):
+        capture_video(video, out, FrameChoice())
+    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    write_png(tmp_path / "hide.png", white(np.ones((48, 64), bool)))
+    options = changed | ({"masks": tmp_path / "hide.png"} if "masks" in changed else {})
+    with pytest.raises(InputError, match=r"cameras of these frames were begun (in rain|without masks)"):
+        capture_video(video, out, FrameChoice(), **options)
+    assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
+    with pytest.raises(InputError, match="interrupted"):  # the same command goes on
+        capture_video(video, out, FrameChoice())
 
 
 def test_too_few_registered_frames_say_what_to_do(tmp_path):

@@ -7,8 +7,9 @@ from servers import serving
 from shared_data_set import built_in
 
 from hydroviews.captures.download.archives import BadArchive
+from hydroviews.dataset.card.card import LOSSES
 from hydroviews.dataset.checks.verify import verify
-from hydroviews.dataset.manifest import data_hash, forget_scene
+from hydroviews.dataset.manifest import data_hash, forget_scene, read_manifest, record_scene
 from hydroviews.dataset.sharing import archive as archive_module
 from hydroviews.dataset.sharing.fetch import fetch
 from hydroviews.dataset.sharing.pack import pack
@@ -170,8 +171,11 @@ def test_a_download_that_is_no_archive_of_ours_is_not_kept_for_the_next_call(sha
 
 
 def test_layers_alone_make_the_rainy_views_where_the_clean_ones_are(tmp_path):
-    """Somebody else with the same capture gets the very same variant."""
+    """Somebody else with the same capture gets the very same variant; what the owner measured is not part of it."""
     built = built_in(tmp_path / "mine", says=None)
+    (built / LOSSES).write_text("pattern,grade,track,clean,rainy,loss,seeds\nstorm-1,medium,given-poses,30,28,2,0\n")
+    entry = read_manifest(built.parent)["scenes"]["yard"]
+    record_scene(built.parent, "yard", {key: value for key, value in entry.items() if key != "files"})
     [(path, _)] = pack(built, tmp_path / "out", patterns=["streak-1"], layers_only=True)
     theirs = built_in(tmp_path / "theirs", patterns=("storm-1",), says=None)
     fetch(str(path), theirs.parent)
@@ -182,6 +186,7 @@ def test_layers_alone_make_the_rainy_views_where_the_clean_ones_are(tmp_path):
 def test_layers_alone_need_the_capture(tmp_path):
     built = built_in(tmp_path, says=None, patterns=("streak-1",))
     [(path, _)] = pack(built, tmp_path / "out", layers_only=True)
-    with pytest.raises(InputError, match=r"leaves out .* files that are not here either(.|\n)*--patterns streak-1"):
+    missing = rf"leaves out .* files that are not here either(.|\n)*--out {tmp_path / 'empty'} .*--patterns streak-1"
+    with pytest.raises(InputError, match=missing):
         fetch(str(path), tmp_path / "empty")
     assert visible(tmp_path / "empty") == []
