@@ -35,7 +35,7 @@ def shipped_renders(folder: Path, scene: str) -> dict[str, Path]:
 
 
 def ship_views(runs: Mapping[Path, Record], results: Path, data: Path | None, board: Path) -> None:
-    """Write the views that runs of a board were given, of those that have renders there, unless they are there.
+    """Write the views that runs of a board were given, of those that have renders there, in place of other data's.
 
     Args:
         runs: by their folders below the board.
@@ -51,14 +51,14 @@ def ship_views(runs: Mapping[Path, Record], results: Path, data: Path | None, bo
         views = [path.stem for path in sorted((board / run / RENDERS).glob(f"*{SMALL}"))]
         for pattern in dict.fromkeys((CLEAN, record.pattern)):
             target = board / VIEWS_FOLDER / record.profile / record.scene / pattern
-            lacking = [view for view in views if not (target / f"{view}{SMALL}").is_file()]
-            if lacking and data is not None:
+            if views and data is not None:
                 try:
                     scene = built_scene(data, record.profile, record.scene, record.pattern, record.data_sha256)
                 except InputError as error:
-                    missing[str(error)] = None
+                    if not all((target / f"{view}{SMALL}").is_file() for view in views):
+                        missing[str(error)] = None
                     continue
-                for view, path in view_paths(scene, images_of(scene, pattern), lacking).items():
+                for view, path in view_paths(scene, images_of(scene, pattern), views).items():
                     _write(target / f"{view}{SMALL}", path)
     for reason in missing:
         logger.warning("views without pictures on the board: %s", reason)

@@ -246,6 +246,11 @@ def test_views_that_runs_were_given_lie_once_on_a_board_and_are_copied_with_it(r
         f"{pattern}/{v}.webp" for pattern in ("clean", "streak-1") for v in views
     }
     assert "not the data that the runs under raindrop-1 were made on" in caplog.text
+    view = board / "views/demo/pond/streak-1" / f"{views[0]}.webp"
+    drawn = view.read_bytes()
+    view.write_bytes(b"of other rain")
+    publish(results, board, data=tmp_path / "data", overwrite=True)
+    assert view.read_bytes() == drawn
     publish(board, tmp_path / "copy")
     assert files(tmp_path / "copy" / "views") == files(board / "views")
 
