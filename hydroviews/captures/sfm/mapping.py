@@ -34,7 +34,6 @@ FEWEST_DEGREES = 1.5  # between the rays to a point, as in mapping
 # Focal lengths in longer sides of a picture (136 and 6 degrees wide), and a distortion, outside of which a camera is
 # wrong: photographs from places one behind the other leave the focal length open.
 PLAUSIBLE_FOCALS, MOST_DISTORTION = (0.2, 10.0), 1.0
-STARTS = 4  # mappings at most, of captures in which views were in a wrong place
 SNAPSHOT_EVERY = 10  # registered views between snapshots; an interruption may cost two of these intervals
 MAPPING = ".unfinished-mapping"  # with snapshots that an interrupted mapping resumes from
 
@@ -120,42 +119,28 @@ def is_plausible(camera: pycolmap.Camera) -> bool:
     return bool(np.isfinite(camera.params).all()) and not camera.has_bogus_params(*PLAUSIBLE_FOCALS, MOST_DISTORTION)
 
 
-Finish = Callable[[pycolmap.Reconstruction], tuple[pycolmap.Reconstruction, int]]
-
-
 def map_photographs(
     out: Path,
     count: int,
     options: pycolmap.IncrementalPipelineOptions,
     advice: str,
-    finish: Finish = lambda model: (model, 0),
+    finish: Callable[[pycolmap.Reconstruction], pycolmap.Reconstruction] = lambda model: model,
 ) -> None:
     """Find cameras and points; the models go to `out/sparse` together, the largest first.
 
     Args:
         out: with `images` and the database of their matches.
         count: of the photographs.
-        options: of the mapping; a first pair's angle and the seed are set here.
+        options: of the mapping; a first pair's angle is set here.
         advice: what to do if too few register.
-        finish: makes the largest model better in the end, and says how many of its views were in a wrong place. Where
-            there are some, mapping is repeated with other seeds; the model with most observations is taken.
+        finish: makes the largest model better in the end.
 
     Raises:
         TooFewRegistered: fewer than three.
     """
-    models: list[pycolmap.Reconstruction] = []
-    for start in range(STARTS):
-        found = _largest_first(out, count, options)
-        if _registered(found) < MINIMUM:
-            models = models or found
-            break
-        found[0], misplaced = finish(found[0])
-        if not models or found[0].compute_num_observations() > models[0].compute_num_observations():
-            models = found
-        if not misplaced:
-            break
-        logger.info("mapping %d of up to %d: %d views were in a wrong place", start + 1, STARTS, misplaced)
-        options.random_seed += 1
+    models = _largest_first(out, count, options)
+    if _registered(models) >= MINIMUM:
+        models[0] = finish(models[0])
     if _registered(models) < MINIMUM:
         raise TooFewRegistered(out / "images", _registered(models), count, advice)
     with plain_full_disk(out / "sparse"), temporary_beside(out / "sparse") as finished:

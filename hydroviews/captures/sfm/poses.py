@@ -22,6 +22,7 @@ from hydroviews.captures.sfm.mapping import (
 )
 from hydroviews.captures.sfm.reregistration import settled
 from hydroviews.captures.sfm.room import DATABASE, LEARNED, room_for
+from hydroviews.captures.sfm.sequence import leave_out_contradictions
 from hydroviews.captures.sfm.sources import (
     WORKING_FILES,
     forget_other_photographs,
@@ -159,11 +160,13 @@ def estimate_poses(
             if learned:
                 chosen = None if exhaustive is None else _pairs(exhaustive, len(names))
                 _match_learned(out, names, chosen, seed, error, masks, enhance)
+                leave_out_contradictions(database, names)
                 map_photographs(out, len(names), options, advice, finish)
                 shutil.rmtree(out / LEARNED)
             elif rainy:
                 rain.extract(database, pictures, names, camera_model, error, masks, enhance)
                 rain.match(database, names, _pairs(bool(exhaustive), len(names)), seed, error)
+                leave_out_contradictions(database, names)
                 map_photographs(out, len(names), options, advice, finish)
                 rain.forget_parts(database)
             else:

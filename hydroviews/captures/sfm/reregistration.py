@@ -23,7 +23,7 @@ Model = pycolmap.Reconstruction
 Array = NDArray[np.float64]
 
 
-def settled(model: Model, database: Path, pictures: Path, error: float, seed: int) -> tuple[Model, int]:
+def settled(model: Model, database: Path, pictures: Path, error: float, seed: int) -> Model:
     """The model adjusted a last time, with misplaced views where they fit best, without views that fit nowhere.
 
     Args:
@@ -32,16 +32,12 @@ def settled(model: Model, database: Path, pictures: Path, error: float, seed: in
         pictures: folder of the photographs.
         error: pixels by which a point may be off where a view belongs.
         seed: of the random sampling.
-
-    Returns:
-        The model, and how many times a view was moved.
     """
-    model, total = polished(model, error), 0
+    model = polished(model, error)
     for _ in range(ROUNDS):
         moved = misplaced(model, database, error, seed)
         if not moved:
             break
-        total += len(moved)
         logger.info("%d of %d views fit better elsewhere and are moved", len(moved), model.num_reg_images())
         model = pycolmap.Reconstruction(model)
         for image, pose in moved.items():
@@ -53,7 +49,7 @@ def settled(model: Model, database: Path, pictures: Path, error: float, seed: in
             model = polished(pycolmap.triangulate_points(model, database, pictures, folder, options=options), error)
     held = without_lost_views(model, error)
     whole = not MINIMUM <= held.num_reg_images() < model.num_reg_images()
-    return (held if whole else polished(held, error)), total
+    return held if whole else polished(held, error)
 
 
 def misplaced(model: Model, database: Path, error: float, seed: int) -> dict[int, pycolmap.Rigid3d]:

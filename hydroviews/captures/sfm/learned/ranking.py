@@ -14,12 +14,12 @@ from tqdm import tqdm
 from hydroviews.captures.sfm.features import Features
 from hydroviews.captures.sfm.learned.mutual import mutual_best
 from hydroviews.captures.sfm.pairs import Pair
+from hydroviews.captures.sfm.sequence import NEAR
 from hydroviews.scene.seeds import generator
 
 COMPARED = 512  # the strongest features of each view
 ALIKE = 0.82  # cosine between descriptors of mutual nearest neighbours
 BEST = 10  # partners of each view
-NEAR = 3  # neighbours in time on either side, which are partners in any case
 SHORTLISTED = 60  # partners of each view whose features are compared
 WORDS = 32  # of the vocabulary of global descriptors
 SAMPLED = 200  # descriptors for each word that the vocabulary is made of
