@@ -94,6 +94,18 @@ def polished(model: pycolmap.Reconstruction, error: float) -> pycolmap.Reconstru
     return adjusted if whole else model
 
 
+def settled(model: pycolmap.Reconstruction, error: float) -> pycolmap.Reconstruction:
+    """Another model, adjusted a last time, of the views that are held by points.
+
+    Args:
+        model: stays as it is.
+        error: pixels by which a point may be off.
+    """
+    model = polished(model, error)
+    held = without_lost_views(model, error)
+    return polished(held, error) if MINIMUM <= held.num_reg_images() < model.num_reg_images() else held
+
+
 def without_lost_views(model: pycolmap.Reconstruction, error: float) -> pycolmap.Reconstruction:
     """Another model without the views that share no point with others, or whose camera is not plausible.
 

@@ -19,8 +19,8 @@ from hydroviews.captures.sfm.mapping import (
     map_photographs,
     mapping_options,
     rainy_options,
+    settled,
 )
-from hydroviews.captures.sfm.reregistration import settled
 from hydroviews.captures.sfm.room import DATABASE, LEARNED, room_for
 from hydroviews.captures.sfm.sequence import leave_out_contradictions
 from hydroviews.captures.sfm.sources import (
@@ -154,7 +154,7 @@ def estimate_poses(
         database, names = out / DATABASE, sorted(links)
         error = rain.tolerance(max(max(image_size(path)) for path in sources))
         options = rainy_options(seed, error)
-        finish = partial(settled, database=database, pictures=pictures, error=error, seed=seed)
+        finish = partial(settled, error=error)
         with room_for(out, len(names)):
             matching.register(database, pictures, names, camera_model, shared=True, masks=masks)
             if learned:
