@@ -13,8 +13,6 @@ from pathlib import Path
 import numpy as np
 import pycolmap
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
 from hydroviews.captures.sfm.features import image_id
 from hydroviews.captures.sfm.pairs import Pair
@@ -89,6 +87,9 @@ def orientations(
 
     Views are connected by the pairs with most matches (a spanning tree).
     """
+    from scipy.sparse import coo_array  # takes half a second, and few commands estimate cameras
+    from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
+
     rows, columns = np.array(list(pairs), np.int64).reshape(-1, 2).T
     matches = np.array([number for _, number in pairs.values()], np.float64)
     tree = minimum_spanning_tree(coo_array((-matches, (rows, columns)), shape=(count, count)).tocsr())

@@ -249,6 +249,7 @@ def test_views_that_runs_were_given_lie_once_on_a_board_and_are_copied_with_it(r
     view = board / "views/demo/pond/streak-1" / f"{views[0]}.webp"
     drawn = view.read_bytes()
     view.write_bytes(b"of other rain")
+    edit(results, "demo/ours/pond/streak-1/seed-0", train_s=1.0)
     publish(results, board, data=tmp_path / "data", overwrite=True)
     assert view.read_bytes() == drawn
     publish(board, tmp_path / "copy")
