@@ -317,7 +317,7 @@ def video_command(
             matcher=matcher,
             features=features,
             seed=seed,
-            enhance=None if dry else find_enhancer(),
+            enhance=None if dry or frames_only else find_enhancer(),
         )
     if scene is None:
         draw = f"draw masks, white where hidden, with the names of {out / 'images'}; then add --masks FOLDER"

@@ -42,7 +42,7 @@ Views = tuple[View, ...]
 
 
 def cases(built: Path, made: Path, seed: int) -> dict[str, Callable[[], Views]]:
-    """What makes the photographs of every case of a built scene, by its name; `made` gets those that are painted."""
+    """Functions that make the photographs of each case of a built scene, by name; `made` gets painted photographs."""
     clean, drops = open_clean(built), open_variant(built, "raindrop-1")
     wet, falling = behind(built / "raindrop-1"), behind(built / "streak-1")
 
@@ -77,7 +77,7 @@ def moved(scene: Scene, cameras: list[Camera]) -> Views:
 
 
 def rendered(scene: Scene, folder: Path, seed: int) -> Callable[[View], Image]:
-    """What renders a view's camera from Gaussians that are trained on a scene, now or earlier in this folder."""
+    """A function that renders a view's camera from Gaussians of a scene, trained now or earlier in this folder."""
     method = GaussianSplatting(GaussianSplatting.configuration("demo"), seed)
     method.fit(scene, folder)
     return lambda view: method.render(view.camera)

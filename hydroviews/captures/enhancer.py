@@ -1,4 +1,4 @@
-"""What takes the rain out of photographs before features are detected: another package brings it."""
+"""The enhancement of rainy photographs before features are detected, which another package registers."""
 
 from hydroviews.captures.sfm.rain import Enhance
 from hydroviews.cli.plugins import load_plugin, registered

@@ -32,7 +32,7 @@ STREAKS = {"S": LayerPlane("cover by streaks", "streaks")}
 
 
 def light_stems(planes: Mapping[str, LayerPlane]) -> list[str]:
-    """What the names of three planes of added light begin with that end with R, G and B; noise may be negative."""
+    """Stems of planes of added light: a stem with R, G and B names three planes. Planes of noise may be negative."""
     reds = [key for key, plane in planes.items() if key.endswith("R") and plane.least >= 0]
     return [red[:-1] for red in reds if {red[:-1] + channel for channel in COLOURS} <= planes.keys()]
 

@@ -46,20 +46,24 @@ def ship_views(runs: Mapping[Path, Record], results: Path, data: Path | None, bo
     """
     for source in sorted((results / VIEWS_FOLDER).rglob(f"*{SMALL}")):
         _write(board / source.relative_to(results), source)
-    missing: dict[str, None] = {}
+    if data is None:
+        return
+    wanted: dict[tuple[str, ...], set[str]] = {}  # views, of all runs that were given them together
     for run, record in runs.items():
-        views = [path.stem for path in sorted((board / run / RENDERS).glob(f"*{SMALL}"))]
-        for pattern in dict.fromkeys((CLEAN, record.pattern)):
-            target = board / VIEWS_FOLDER / record.profile / record.scene / pattern
-            if views and data is not None:
-                try:
-                    scene = built_scene(data, record.profile, record.scene, record.pattern, record.data_sha256)
-                except InputError as error:
-                    if not all((target / f"{view}{SMALL}").is_file() for view in views):
-                        missing[str(error)] = None
-                    continue
-                for view, path in view_paths(scene, images_of(scene, pattern), views).items():
-                    _write(target / f"{view}{SMALL}", path)
+        given = record.profile, record.scene, record.pattern, record.data_sha256
+        wanted.setdefault(given, set()).update(path.stem for path in (board / run / RENDERS).glob(f"*{SMALL}"))
+    missing: dict[str, None] = {}
+    for (profile, scene, rain, digest), views in wanted.items():
+        for pattern in dict.fromkeys((CLEAN, rain)) if views else ():
+            target = board / VIEWS_FOLDER / profile / scene / pattern
+            try:
+                built = built_scene(data, profile, scene, rain, digest)
+            except InputError as error:
+                if not all((target / f"{view}{SMALL}").is_file() for view in views):
+                    missing[str(error)] = None
+                continue
+            for view, path in view_paths(built, images_of(built, pattern), sorted(views)).items():
+                _write(target / f"{view}{SMALL}", path)
     for reason in missing:
         logger.warning("views without pictures on the board: %s", reason)
 

@@ -109,7 +109,7 @@ def settled(model: pycolmap.Reconstruction, error: float) -> pycolmap.Reconstruc
 def without_lost_views(model: pycolmap.Reconstruction, error: float) -> pycolmap.Reconstruction:
     """Another model without the views that share no point with others, or whose camera is not plausible.
 
-    Of a camera that only turns, none is left.
+    No view of a camera that only turns is left.
 
     Args:
         model: stays as it is.
@@ -127,7 +127,7 @@ def without_lost_views(model: pycolmap.Reconstruction, error: float) -> pycolmap
 
 
 def is_plausible(camera: pycolmap.Camera) -> bool:
-    """Whether a camera has intrinsics that photographs have; wrong models may have focal lengths of a pixel."""
+    """True for intrinsics that photographs have. Wrong models may have focal lengths of a pixel."""
     return bool(np.isfinite(camera.params).all()) and not camera.has_bogus_params(*PLAUSIBLE_FOCALS, MOST_DISTORTION)
 
 

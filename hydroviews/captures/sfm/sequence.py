@@ -1,13 +1,14 @@
 """Pairs of views that contradict the order in time: things that look alike, and drops, are matched far apart as well.
 
-Names of photographs are in the order of time. Neighbours in time overlap, so that their matches are mostly right; from
-pair to pair they tell how the camera turned. Matches between views that are farther apart are wrong more often than
-right in rain: of 125 verified pairs of courtyard's medium drops 88. Those that turn the camera otherwise than the
-neighbours do are left out before mapping, which never gets rid of them again.
+Names of photographs are in the order of time. Neighbours in time overlap, so their matches are mostly right and give
+the turn of the camera from view to view. Matches of views that are farther apart are wrong more often than right in
+rain: 88 of 125 verified pairs of courtyard's medium drops. A pair that contradicts the turns of its neighbours is left
+out before mapping, because mapping never removes such a pair.
 """
 
 import logging
 from collections.abc import Mapping, Sequence
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from hydroviews.captures.sfm.features import image_id
 from hydroviews.captures.sfm.pairs import Pair
+from hydroviews.scene.camera_errors import angles
 
 logger = logging.getLogger(__name__)
 
@@ -50,14 +52,13 @@ def relative_rotations(database: pycolmap.Database, ids: Sequence[int]) -> dict[
     cameras = {camera.camera_id: camera for camera in database.read_all_cameras()}
     own = [cameras[database.read_image(one).camera_id] for one in ids]
     found = {}
-    for i in range(len(ids)):
-        for j in range(i + 1, len(ids)):
-            if not database.exists_two_view_geometry(ids[i], ids[j]):
-                continue
-            pair = database.read_two_view_geometry(ids[i], ids[j])
-            known = pycolmap.estimate_two_view_geometry_pose(own[i], keypoints[i], own[j], keypoints[j], pair)
-            if known and pair.cam2_from_cam1 is not None:
-                found[i, j] = pair.cam2_from_cam1.rotation.matrix(), len(pair.inlier_matches)
+    for i, j in combinations(range(len(ids)), 2):
+        if not database.exists_two_view_geometry(ids[i], ids[j]):
+            continue
+        pair = database.read_two_view_geometry(ids[i], ids[j])
+        known = pycolmap.estimate_two_view_geometry_pose(own[i], keypoints[i], own[j], keypoints[j], pair)
+        if known and pair.cam2_from_cam1 is not None:
+            found[i, j] = pair.cam2_from_cam1.rotation.matrix(), len(pair.inlier_matches)
     return found
 
 
@@ -70,14 +71,11 @@ def contradictions(count: int, pairs: Mapping[Pair, tuple[Rotation, int]]) -> li
     """
     near = {pair: found for pair, found in pairs.items() if pair[1] - pair[0] <= NEAR}
     turned, group = orientations(count, near)
-    wrong = []
-    for (i, j), (rotation, _) in pairs.items():
-        if group[i] == group[j]:
-            other = rotation @ turned[i] @ turned[j].T
-            degrees = np.degrees(np.arccos(np.clip((np.trace(other) - 1) / 2, -1, 1)))
-            if degrees > APART + DRIFT * (j - i):
-                wrong.append((i, j))
-    return wrong
+    return [
+        (i, j)
+        for (i, j), (rotation, _) in pairs.items()
+        if group[i] == group[j] and angles(rotation @ turned[i] @ turned[j].T) > APART + DRIFT * (j - i)
+    ]
 
 
 def orientations(

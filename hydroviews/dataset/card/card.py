@@ -197,12 +197,12 @@ def _mean_and_range(row: "pd.Series", column: str, factor: float, form: str, uni
 
 def _losses(folder: Path, patterns: Sequence[str]) -> str:
     losses = read_csv(folder / LOSSES, keep_default_na=False).to_dict("records") if is_there(folder / LOSSES) else []
-    rows = []
-    for row in losses:
-        if row["pattern"] not in patterns:
-            continue
-        levels = [f"{row[name]:.2f} dB" for name in ("clean", "rainy", "loss")]
-        rows.append((row["pattern"], row["grade"], row["track"], *levels, row["seeds"]))
+    levels = ("clean", "rainy", "loss")
+    rows = [
+        (row["pattern"], row["grade"], row["track"], *(f"{row[name]:.2f} dB" for name in levels), row["seeds"])
+        for row in losses
+        if row["pattern"] in patterns
+    ]
     if not rows:
         return ""
     head = ("rain", "grade", "track", "trained on clean views", "on rainy views", "loss", "seeds")

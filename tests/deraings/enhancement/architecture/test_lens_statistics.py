@@ -174,13 +174,13 @@ def test_what_is_hidden_does_not_decide_how_much_mist_there_is(tmp_path):
     photographs = [np.clip(picture // 2 + 120, 0, 255).astype(np.uint8) for picture in capture(3, 64, 96)]
     hidden = np.zeros((64, 96), bool)
     hidden[40:] = True
-    masked = enhanced_views(photographs, shipped(), tmp_path, [hidden] * 3)
-    seen = masked.image(0)[~hidden]
+    far = slice(36)  # rows; the network looks from the four others into what is hidden
+    seen = enhanced_views(photographs, shipped(), tmp_path, [hidden] * 3).image(0)[far]
     for value, alike in ((None, True), (0, False)):  # the mean of what is shown, black
         filled = [np.where(hidden[..., None], p[~hidden].mean(0) if value is None else 0, p) for p in photographs]
         filled = [picture.astype(np.uint8) for picture in filled]
-        expected = enhanced_views(filled, shipped(), tmp_path / str(value)).image(0)[~hidden]
-        assert (np.abs(seen - expected).mean() < 0.02) == alike
+        expected = enhanced_views(filled, shipped(), tmp_path / str(value)).image(0)[far]
+        assert (np.abs(seen - expected).max() < 0.05) == alike
 
 
 def test_holes_are_not_taken_for_drops(tmp_path):

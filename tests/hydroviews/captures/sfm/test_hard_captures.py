@@ -69,7 +69,7 @@ def test_a_view_without_detail_is_left_out(courtyard, tmp_path):
 
 
 def turned(image, degrees):
-    """What the same place shows when the camera turns to the side; black where nothing is known."""
+    """The picture after the camera has turned to the side at its place; unknown pixels are black."""
     focal, angle = 0.72 * WIDTH, np.radians(degrees)
     lens = np.array([[focal, 0, WIDTH / 2], [0, focal, HEIGHT / 2], [0, 0, 1]])
     turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
