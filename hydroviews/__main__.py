@@ -304,6 +304,7 @@ def video_command(
         seed: seed of the camera estimation.
     """
     out = out or film.with_name(film.stem + "-capture")
+    require_outside_scenes(out)
     choice = FrameChoice(rate, long_side)
     with locked(out.resolve(), BUSY):
         scene = capture_video(

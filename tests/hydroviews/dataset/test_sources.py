@@ -85,6 +85,8 @@ def test_results_do_not_go_into_built_scenes(tmp_path):
     folder = build_source(str(colmap_capture(tmp_path / "room")), tmp_path / "data", find_profile("demo"), long_side=24)
     with pytest.raises(InputError, match=r"in the built scene .*room\n.*outside of the data folder"):
         commands.poses_command(folder / "clean", out=folder / "capture")
+    with pytest.raises(InputError, match=r"in the built scene .*room\n"):
+        commands.video_command(tmp_path / "walk.mp4", out=folder / "walk")
     require_outside_scenes(tmp_path / "data" / "walk-scene")
 
 
