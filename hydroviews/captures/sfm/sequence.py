@@ -70,12 +70,29 @@ def contradictions(count: int, pairs: Mapping[Pair, tuple[Rotation, int]]) -> li
         pairs: rotations and numbers of matches; indices are in the order of time.
     """
     near = {pair: found for pair, found in pairs.items() if pair[1] - pair[0] <= NEAR}
-    turned, group = orientations(count, near)
+    turned, group = orientations(count, confirmed(near))
     return [
         (i, j)
         for (i, j), (rotation, _) in pairs.items()
         if group[i] == group[j] and angles(rotation @ turned[i] @ turned[j].T) > APART + DRIFT * (j - i)
     ]
+
+
+def confirmed(pairs: Mapping[Pair, tuple[Rotation, int]]) -> dict[Pair, tuple[Rotation, int]]:
+    """The pairs whose turn at least half of the ways over a third view confirm.
+
+    A chain is as good as its worst link: where the order in time jumps, neighbours are wrong as well, and the views
+    after the jump would contradict all before.
+    """
+    turns = {pair: rotation for pair, (rotation, _) in pairs.items()}
+    turns |= {(j, i): rotation.T for (i, j), rotation in turns.items()}
+    around = {i: {j for first, j in turns if first == i} for i, _ in turns}
+
+    def closes(i: int, j: int) -> bool:
+        over = [angles(turns[k, j] @ turns[i, k] @ turns[j, i]) <= APART for k in around[i] & around[j]]
+        return bool(over) and 2 * sum(map(bool, over)) >= len(over)
+
+    return {pair: found for pair, found in pairs.items() if closes(*pair)}
 
 
 def orientations(

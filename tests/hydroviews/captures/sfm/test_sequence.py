@@ -41,6 +41,17 @@ def test_a_wrong_pair_of_neighbours_with_few_matches_is_left_out():
     assert contradictions(VIEWS, pairs) == [(4, 6)]
 
 
+def test_right_pairs_stay_where_the_order_jumps():
+    """Neighbours across a jump are matched wrongly, each in another way: nothing connects both sides."""
+    turns = Rotation.random(6, random_state=0).as_matrix()
+    across = [(i, j) for i in (7, 8, 9) for j in (10, 11, 12) if j - i <= 3]
+    jump = {pair: (rotation, 300) for pair, rotation in zip(across, turns, strict=True)}
+    far = {(i, i + 10): (turn(STEP * 3), 60) for i in range(5)}
+    sides = {pair: found for pair, found in walk().items() if (pair[0] < 10) == (pair[1] < 10)}
+    wrong = {(1, 6): (turn(-90), 80)}
+    assert contradictions(VIEWS, sides | jump | far | wrong) == sorted(wrong)
+
+
 def test_views_that_no_neighbours_connect_are_not_judged():
     pairs = {(0, 1): (turn(STEP), 100), (10, 11): (turn(STEP), 100), (0, 10): (turn(150), 100)}
     assert contradictions(VIEWS, pairs) == []
