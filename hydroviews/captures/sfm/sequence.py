@@ -71,10 +71,11 @@ def contradictions(count: int, pairs: Mapping[Pair, tuple[Rotation, int]]) -> li
     """
     near = {pair: found for pair, found in pairs.items() if pair[1] - pair[0] <= NEAR}
     turned, group = orientations(count, confirmed(near))
+    turned, group = joined(turned, group, {pair: rotation for pair, (rotation, _) in pairs.items()})
     return [
         (i, j)
         for (i, j), (rotation, _) in pairs.items()
-        if group[i] == group[j] and angles(rotation @ turned[i] @ turned[j].T) > APART + DRIFT * (j - i)
+        if group[i] == group[j] and angles(rotation @ turned[i] @ turned[j].T) > _limit(np.array(j - i))
     ]
 
 
@@ -93,6 +94,46 @@ def confirmed(pairs: Mapping[Pair, tuple[Rotation, int]]) -> dict[Pair, tuple[Ro
         return bool(over) and 2 * sum(map(bool, over)) >= len(over)
 
     return {pair: found for pair, found in pairs.items() if closes(*pair)}
+
+
+def joined(
+    turned: NDArray[np.float64], group: NDArray[np.int64], pairs: Mapping[Pair, Rotation]
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Rotations [N, 3, 3] and groups [N] of views once groups are joined, the surest first.
+
+    The pairs between two groups vote for how one is turned from the other. Groups of which no two pairs agree stay
+    apart.
+    """
+    turned, group = turned.copy(), group.copy()
+    while True:
+        links: dict[Pair, list[tuple[Rotation, int]]] = {}
+        for (i, j), rotation in pairs.items():
+            if group[i] != group[j]:
+                across = turned[j].T @ rotation @ turned[i]  # from j's group to i's
+                both, across = ((i, j), across) if group[i] < group[j] else ((j, i), across.T)
+                links.setdefault((group[both[0]], group[both[1]]), []).append((across, j - i))
+        votes = {both: _vote(found) for both, found in links.items()}
+        best = max(votes, key=lambda both: votes[both][0], default=None)
+        if best is None or not votes[best][0]:
+            return turned, group
+        moved = group == best[1]
+        turned[moved], group[moved] = turned[moved] @ votes[best][1], best[0]
+
+
+def _vote(links: Sequence[tuple[Rotation, int]]) -> tuple[float, Rotation]:
+    """The sum of the votes for the rotation that has most, or 0 if no two agree, and that rotation.
+
+    Pairs that are near in time are right more often: a vote counts one over the views from one to the other.
+    """
+    rotations, steps = np.array([rotation for rotation, _ in links]), np.array([step for _, step in links])
+    alike = angles(rotations[:, None] @ rotations.transpose(0, 2, 1)) <= _limit(steps)
+    votes = np.where(alike.sum(1) > 1, (alike / steps).sum(1), 0)
+    return float(votes.max()), rotations[votes.argmax()]
+
+
+def _limit(steps: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Degrees by which pairs of views that are so far apart may turn the camera otherwise."""
+    return APART + DRIFT * steps
 
 
 def orientations(
