@@ -151,16 +151,6 @@ def test_streaks_lean_with_the_wind(wind):
     assert np.allclose(np.arctan2(streaks[middle, 3], streaks[middle, 2]), expected, atol=1e-6)
 
 
-@pytest.mark.parametrize(("width", "height"), [(1, 1), (17, 15), (33, 1)])
-def test_tiny_pictures(width, height):
-    view = camera(width, height)
-    cover = draw(project(draw_cloud(80, 1, STILL, 0.3, UP, 4), view, SHUTTER), far(view))
-    assert cover.shape == (height, width)
-    assert np.isfinite(cover).all()
-    assert cover.max() < 1
-    assert cover.min() >= 0
-
-
 def test_up_is_told_from_level_cameras():
     ring = [View(str(i), ring_camera(i, 48, 36), None) for i in range(9)]
     assert np.allclose(up_direction(ring), [0, -1, 0], atol=3e-3)
