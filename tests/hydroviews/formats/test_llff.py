@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from captures import capture
 from distorted import arc, write_photographs
+from in_the_way import KINDS, not_for_ever, swap
 
 from hydroviews.errors import InputError
 from hydroviews.formats.read import read_scene
@@ -110,3 +111,11 @@ def test_flower_poses_agree_with_its_colmap_model(tmp_path):
         turns = [second[:3, :3] @ first[:3, :3].T for first, second in poses]
         assert angles(turns[0].T @ turns[1]) < 0.5
         assert pair_errors(*poses) < 1  # of the direction to the second as well
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_something_else_where_the_file_belongs(tmp_path, kind):
+    folder = write_capture(tmp_path, table(4))
+    swap(folder / "poses_bounds.npy", kind)
+    with not_for_ever(), pytest.raises(InputError, match=r"poses_bounds\.npy"):
+        read_scene(folder)

@@ -156,7 +156,6 @@ def test_an_archive_is_to_be_unpacked(tmp_path):
         ("colmap binary", "train_list.txt"),
         ("colmap binary", "room.tsv"),
         ("nerfstudio", "points.ply"),
-        ("llff", "poses_bounds.npy"),
     ],
 )
 def test_what_is_no_file_is_named(tmp_path, form, name, kind):

@@ -83,7 +83,7 @@ def test_another_file_is_refused(index, monkeypatch, tmp_path):
         ("127.0.0.1:9", "Connection refused"),
         ("ada:se/cret@127.0.0.1", "its port is no number"),
         ("ada:secret@127.0.0.1:port", "its port is no number"),
-        ("elsewhere", "BadStatusLine|not HTTP"),
+        ("elsewhere", "SSH-2.0-OpenSSH"),
     ],
 )
 def test_without_an_index_it_says_what_to_do_and_no_password(index, monkeypatch, place, fault):

@@ -17,7 +17,7 @@ from hydroviews.dataset.manifest import changed_files, read_manifest, record_fil
 from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.errors import InputError
 from hydroviews.files import known_bytes
-from hydroviews.files.atomic import sha256, write_bytes, write_json
+from hydroviews.files.atomic import sha256, write_bytes
 from hydroviews.formats.read import read_scene
 from hydroviews.rain.patterns import Pattern
 from hydroviews.scene.images import write_png
@@ -59,9 +59,9 @@ def test_something_else_where_a_file_belongs_is_a_problem_and_the_rest_is_looked
     for name in names:
         swap(built / name, kind)
     with not_for_ever():
-        problems = verify(built.parent)
-    assert {f"{built / name}: not a file, found: a {kind}" for name in names} <= set(problems)
-    assert any(one.startswith(f"{built / 'clean/view-02.png'}: changed since it was built") for one in problems)
+        problems = "\n".join(verify(built.parent))
+    assert [name for name in names if f"{built / name}: not a file, found: a {kind}" not in problems] == []
+    assert f"{built / 'clean/view-02.png'}: changed since it was built" in problems
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -206,7 +206,7 @@ def test_odd_manifests_are_refused_by_all_who_read_them(built, change, expected)
     if isinstance(change.get("files"), dict):
         change = {"files": entry["files"] | change["files"]}
     entry.update(change)
-    write_json(built.parent / "manifest.json", manifest)
+    (built.parent / "manifest.json").write_text(json.dumps(manifest))
     for read in (lambda: verify(built.parent), lambda: open_clean(built), lambda: again(built)):
         with pytest.raises(InputError, match=rf"not a manifest, scene 'yard'[\s\S]*{re.escape(expected)}"):
             read()

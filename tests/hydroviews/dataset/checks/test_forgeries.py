@@ -1,5 +1,6 @@
 """Data sets whose files were changed and their hashes renewed, or to which something was added: `verify` tells."""
 
+import json
 import shutil
 
 import numpy as np
@@ -33,7 +34,7 @@ def edit(built, name, change):
 def edit_manifest(built, change):
     manifest = read_manifest(built.parent)
     change(manifest["scenes"]["yard"])
-    write_json(built.parent / "manifest.json", manifest)
+    (built.parent / "manifest.json").write_text(json.dumps(manifest))
 
 
 def told(built, every_view=False):
