@@ -167,7 +167,7 @@ def test_links_in_a_copy_of_the_cameras_and_a_linked_manifest(built, tmp_path, n
         ),
         *(lambda facts, seed=seed: facts.update(seed=seed) for seed in ("0", True, -1)),
         *(lambda facts, name=name: facts.update(effect=name) for name in (["streak"], "no-such-effect")),
-        lambda facts: facts.update(parameters=5),
+        *(lambda facts, odd=odd: facts.update(parameters=odd) for odd in (5, {"n": 100})),  # none, too few
         lambda facts: facts.update(index="1"),
         lambda facts: [],
     ],

@@ -86,10 +86,8 @@ def test_every_view_has_other_streaks_and_the_same_again(statistics):
 
 def test_cameras_that_do_not_tell_up_see_rain_fall_down_their_pictures(statistics, caplog):
     """A picture on its head beside an upright one: parameters and a warning say that down is not known."""
-    views = tuple(
-        replace(view, camera=replace(view.camera, world_to_camera=pose))
-        for view, pose in zip(statistics.views, (np.eye(4), turned(AHEAD, 180)), strict=False)
-    )
+    poses, view = (np.eye(4), turned(AHEAD, 180)), statistics.views[0]
+    views = tuple(replace(view, camera=replace(view.camera, world_to_camera=pose)) for pose in poses)
     rain = Rainfall(STILL, Pattern("streak-b", 0), replace(statistics, views=views))
     assert rain.parameters["down"] is None
     assert "rain falls down the pictures" in caplog.text
