@@ -129,14 +129,14 @@ def test_a_capture_taken_in_rain_has_no_clean_views(tmp_path):
 
 
 def test_what_is_not_there_is_refused_by_name(built, tmp_path):
-    with pytest.raises(InputError, match="no such variant of"):
-        RainyViews(built, "streak-2")
-    with pytest.raises(InputError, match="no such variant of"):
-        RainyViews(built)
-    with pytest.raises(InputError, match="no such split"):
-        RainyViews(built, "streak-1", "sparse")
-    with pytest.raises(InputError, match="no finished scene"):
-        RainyViews(tmp_path, "streak-1")
-    layers = [path for path, _ in pack(built, tmp_path, patterns=["storm-1"], layers_only=True)]
+    layers = [path for path, _ in pack(built, tmp_path / "out", patterns=["storm-1"], layers_only=True)]
+    for given, message in (
+        ((built, "streak-2"), "no such variant of"),
+        ((built,), "no such variant of"),
+        ((built, "streak-1", "sparse"), "no such split"),
+        ((tmp_path, "streak-1"), "no finished scene"),
+    ):
+        with pytest.raises(InputError, match=message):
+            RainyViews(*given)
     with pytest.raises(InputError, match="no pictures of storm-1 in it"):
         RainyViews(layers[0])

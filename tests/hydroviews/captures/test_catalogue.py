@@ -1,3 +1,4 @@
+import re
 from collections import Counter
 
 import pytest
@@ -26,8 +27,7 @@ def test_everything_can_be_had_somehow():
         assert (capture.archive is None) != (capture.by_hand == ""), capture.name
         assert capture.page.startswith("https://")
         for url in capture.archive.urls if capture.archive else ():
-            assert url.startswith(("http://", "https://"))
-            assert url.endswith("/" + capture.archive.name)
+            assert re.fullmatch(f"https?://.*/{re.escape(capture.archive.name)}", url)
 
 
 @pytest.mark.parametrize(
@@ -60,10 +60,8 @@ def test_the_papers_suite_is_the_papers_table():
         effect: {scene.rpartition("/")[2] for scene, effects in suite.scenes.items() if effect in effects}
         for effect in ("window", "streak")
     }
-    assert by_effect == {
-        "window": MIPNERF360,
-        "streak": {"bicycle", "garden", "kitchen", "stump", "horse", "train", "truck"},
-    }
+    streaks = {"bicycle", "garden", "kitchen", "stump", "horse", "train", "truck"}
+    assert by_effect == {"window": MIPNERF360, "streak": streaks}
     assert suite.patterns == (0, 1, 2)
 
 
@@ -72,10 +70,6 @@ def test_suites_name_known_captures(name):
     for scene in read_suite(name).scenes:
         alone = (*EMBEDDED, "llff_flower", "ngp_fox")  # folders that no catalogue lists
         assert scene in alone or [c.name for c in find_captures(scene)] == [scene]
-
-
-def test_no_embedded_scene_takes_the_name_of_a_capture_but_room():
-    assert [name for name in EMBEDDED if find_captures(name)] == ["room"]
 
 
 def test_no_scene_is_for_development_and_for_the_test():
@@ -87,13 +81,11 @@ def test_no_scene_is_for_development_and_for_the_test():
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("scenes = 3", "not a suite"),
-        ("[scenes]", "not a suite"),
-        ("title = 'x'", "not a suite"),
-        ("[scene]\ngarden = []", "not a suite"),
-        ("[scenes]\ngarden = ['hail']", "effects of garden"),
-        ("[scenes]\ngarden = 'streak'", "effects of garden"),
-        ("[scenes]\ngarden = [['streak']]", "effects of garden"),
+        *((content, "not a suite") for content in ("scenes = 3", "[scenes]", "title = 'x'", "[scene]\ngarden = []")),
+        *(
+            (f"[scenes]\ngarden = {effects}", "effects of garden")
+            for effects in ("['hail']", "'streak'", "[['streak']]")
+        ),
         ("patterns = []\n[scenes]\ngarden = ['streak']", "patterns"),
         ("patterns = ['streak-0']\n[scenes]\ngarden = []", "patterns"),
         ("[scenes", "not valid TOML"),

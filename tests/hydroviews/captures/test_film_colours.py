@@ -26,7 +26,7 @@ def patches(side=16):
 
 def planes(signal, matrix, levels, full):
     """Y, Cb, Cr [3, H, W] of a signal [H, W, 3] in [0, 1]."""
-    red, green, blue = LUMA[matrix]
+    red, _, blue = LUMA[matrix]
     y = signal @ LUMA[matrix]
     chroma = (signal[..., 2] - y) / (2 * (1 - blue)), (signal[..., 0] - y) / (2 * (1 - red))
     top, unit = levels - 1, levels / 256
@@ -34,7 +34,6 @@ def planes(signal, matrix, levels, full):
         values = top * y, *(top * c + levels / 2 for c in chroma)
     else:
         values = unit * (16 + 219 * y), *(unit * (128 + 224 * c) for c in chroma)
-    assert green
     return np.stack([np.clip(value.round(), 0, top) for value in values])
 
 
@@ -115,13 +114,10 @@ def test_pixels_that_are_not_square_are_resampled(tmp_path, aspect):
 def test_interlaced_frames_are_deinterlaced(tmp_path):
     """A picture that moves sideways, each frame woven of two moments: combs are gone."""
     wide = np.random.default_rng(0).integers(40, 216, (4, 30, 3)).astype(np.uint8).repeat(16, 0).repeat(8, 1)
-    woven, progressive = [], []
-    for i in range(8):
-        both = [wide[:, 12 * i + 6 * field : 12 * i + 6 * field + 96] for field in range(2)]
-        frame = both[0].copy()
-        frame[1::2] = both[1][1::2]
-        woven.append(frame)
-        progressive.append(both[0])
+    progressive = [wide[:, 12 * i : 12 * i + 96] for i in range(8)]
+    woven = [frame.copy() for frame in progressive]
+    for i, frame in enumerate(woven):
+        frame[1::2] = wide[1::2, 12 * i + 6 : 12 * i + 102]
     options = {"flags": "+ildct+ilme", "qp": "0", "x264-params": "tff=1:interlaced=1"}
     found = frames_of(write_film(tmp_path / "a.mp4", woven, codec="libx264", options=options))
     assert len(found) == 8

@@ -123,23 +123,22 @@ def no_blender(monkeypatch):
 
 def test_the_first_scene_needs_no_rendering(no_blender, tmp_path):
     demo = find_profile("demo")
-    scene = find_capture("courtyard", tmp_path, demo.embedded_views, demo.long_side)
+    for _ in range(2):  # unpacked, and kept
+        scene = find_capture("courtyard", tmp_path, demo.embedded_views, demo.long_side)
     assert (len(scene.views), len(scene.points.positions)) == (40, 16000)
     assert {read_image(view.path).shape for view in scene.views[::20]} == {(240, 320, 3)}
-    assert sorted(path.name for path in (tmp_path / SHIPPED / "depth").glob("*.exr"))[-1] == "039.exr"
-    find_capture("courtyard", tmp_path, demo.embedded_views, demo.long_side)  # kept
+    assert max(path.name for path in (tmp_path / SHIPPED / "depth").glob("*.exr")) == "039.exr"
     with pytest.raises(Asked):  # another size is not in the package
         find_capture("courtyard", tmp_path, demo.embedded_views, 64)
 
 
 def test_it_is_rendered_if_asked_for(no_blender, tmp_path):
     demo = find_profile("demo")
-    with pytest.raises(Asked):
-        find_capture("courtyard", tmp_path, demo.embedded_views, demo.long_side, render=True)
-    find_capture("courtyard", tmp_path, demo.embedded_views, demo.long_side)
-    with pytest.raises(Asked):
-        find_capture("courtyard", tmp_path, demo.embedded_views, demo.long_side, render=True)
-    assert not list((tmp_path / SHIPPED / "images").glob("*.png"))
+    for _ in range(2):
+        with pytest.raises(Asked):
+            find_capture("courtyard", tmp_path, demo.embedded_views, demo.long_side, render=True)
+        assert not list((tmp_path / SHIPPED / "images").glob("*.png"))
+        find_capture("courtyard", tmp_path, demo.embedded_views, demo.long_side)
     with pytest.raises(InputError, match="SCENE=fox: not rendered here"):
         find_capture("fox", tmp_path, 40, 320, render=True)
 
@@ -180,9 +179,9 @@ def test_the_sample_clip_is_a_small_video_that_is_copied_once(tmp_path, monkeypa
     copy = tmp_path / CLIP
     assert copy.stat().st_size < 3e6
     with open_video(copy) as video:
-        frames = [frame.pixels for frame in video_frames(video)]
-    assert len(frames) >= 20
-    assert {frame.shape for frame in frames} == {(240, 320, 3)}
+        shapes = [frame.pixels.shape for frame in video_frames(video)]
+    assert len(shapes) >= 20
+    assert set(shapes) == {(240, 320, 3)}
     written = copy.stat().st_mtime_ns
     assert copy_sample(tmp_path) == copy
     assert copy.stat().st_mtime_ns == written

@@ -24,9 +24,8 @@ def panorama(height=256, centre=CENTRE):
     """Exact, looking along z in its middle."""
     y, x = np.mgrid[:height, : 2 * height] + 0.5
     longitude, latitude = (x / height - 1) * np.pi, (0.5 - y / height) * np.pi
-    rays = np.stack(
-        [np.cos(latitude) * np.sin(longitude), -np.sin(latitude), np.cos(latitude) * np.cos(longitude)], axis=-1
-    )
+    level = np.cos(latitude)
+    rays = np.stack([level * np.sin(longitude), -np.sin(latitude), level * np.cos(longitude)], axis=-1)
     return paint(centre + rays * hits(centre, rays)[..., None]).astype(np.float32)
 
 
@@ -58,9 +57,9 @@ def test_panoramas_are_recognised(tmp_path):
 
 
 def test_cameras_are_estimated_for_what_is_cut_and_refused_where_that_is_asked_for(tmp_path, monkeypatch):
-    for i in range(3):
-        path = tmp_path / (f"R{i}.JPG" if i else "R0.jpg")
-        save(path, panorama(64, CENTRE + np.array([0.2 * i, 0, 0])), xmp=XMP)
+    (tmp_path / "walk").mkdir()
+    for i, name in enumerate(("R0.jpg", "R1.JPG", "R2.JPG")):
+        save(tmp_path / "walk" / name, panorama(64, CENTRE + np.array([0.2 * i, 0, 0])), xmp=XMP)
     registered = []
 
     def stop(database, pictures, names, *_, **__):
@@ -68,9 +67,6 @@ def test_cameras_are_estimated_for_what_is_cut_and_refused_where_that_is_asked_f
         raise KeyboardInterrupt
 
     monkeypatch.setattr("hydroviews.captures.sfm.matching.register", stop)
-    (tmp_path / "walk").mkdir()
-    for path in tmp_path.glob("R*"):
-        path.rename(tmp_path / "walk" / path.name)
     refused = r"panoramas, which no perspective camera takes[\s\S]*R0\.jpg, R1\.JPG, R2\.JPG"
     with pytest.raises(InputError, match=refused):
         poses_command(tmp_path / "walk", tmp_path / "refused", panoramas="refuse")

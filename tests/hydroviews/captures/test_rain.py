@@ -6,7 +6,8 @@ import pytest
 from captures import flower_walk, rained_on
 
 from hydroviews.captures.sfm import matching, rain
-from hydroviews.captures.sfm.features import read_features
+from hydroviews.captures.sfm.features import Features, read_features
+from hydroviews.captures.sfm.lens import LEAST, on_the_lens
 from hydroviews.captures.sfm.poses import estimate_poses
 from hydroviews.errors import InputError
 from hydroviews.scene.images import read_image, resize_area, write_png
@@ -36,19 +37,14 @@ def verified(database, names, one=0, other=1):
 PAIRS = [(0, 1), (0, 2), (1, 2), (0, 3)]
 
 
-def test_pairs_that_share_nothing_are_not_matched_again(features):
-    database, names = features
-    rain.match(database, names, PAIRS, 0, 2.0)
-    assert len(verified(database, names, 0, 3)) == 0
-    assert (database.parent / "d.db.guided").read_text() == "0.png 1.png\n0.png 2.png\n1.png 2.png\n"
-
-
-def test_interrupted_guided_matching_goes_on(features, monkeypatch):
+def test_guided_matching_of_pairs_that_share_something_goes_on_after_an_interruption(features, monkeypatch):
     database, names = features
     monkeypatch.setattr(matching, "PAIRS_AT_ONCE", 1)
     whole = database.with_name("whole.db")
     whole.write_bytes(database.read_bytes())
     rain.match(whole, names, PAIRS, 0, 2.0)
+    assert len(verified(whole, names, 0, 3)) == 0  # they share nothing, and are not matched again
+    assert (whole.parent / "whole.db.guided").read_text() == "0.png 1.png\n0.png 2.png\n1.png 2.png\n"
 
     forget, calls = rain._forget, []
 
@@ -58,10 +54,9 @@ def test_interrupted_guided_matching_goes_on(features, monkeypatch):
         if len(calls) == 2:
             raise KeyboardInterrupt
 
-    with monkeypatch.context() as patch:
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
         patch.setattr(rain, "_forget", stop_at_the_second)
-        with pytest.raises(KeyboardInterrupt):
-            rain.match(database, names, PAIRS, 0, 2.0)
+        rain.match(database, names, PAIRS, 0, 2.0)
     assert len(verified(database, names, 0, 2)) == 0
     rain.match(database, names, PAIRS, 0, 2.0)
     for one, other in PAIRS:
@@ -154,6 +149,45 @@ def test_rainy_photographs_with_enhanced_ones_get_cameras(walk, tmp_path):
         estimate_poses(walk[0], tmp_path, rainy=True)
 
 
-@pytest.mark.parametrize(("side", "pixels"), [(100, 2), (320, 2), (800, 2), (1200, 3), (1600, 4), (4000, 10)])
-def test_small_photographs_have_smaller_tolerances(side, pixels):
-    assert rain.tolerance(side) == pixels
+RADIUS = 2.0
+
+
+def drawn(random, count):
+    places = random.uniform(0, 300, (count, 4)).astype(np.float32)
+    return Features(places, random.integers(0, 255, (count, 128), np.uint8))
+
+
+def together(one, other):
+    both = (np.concatenate(pair) for pair in ((one.keypoints, other.keypoints), (one.descriptors, other.descriptors)))
+    return Features(*both)
+
+
+def moved(features, pixels):
+    return Features(features.keypoints + np.float32([pixels, 0, 0, 0]), features.descriptors)
+
+
+def test_the_same_place_needs_a_like_descriptor():
+    places = drawn(np.random.default_rng(1), 50).keypoints
+    views = [Features(places, np.eye(50, 128, i, dtype=np.uint8) * 255) for i in range(6)]
+    assert not any(mask.any() for mask in on_the_lens(views, RADIUS))
+
+
+@pytest.mark.parametrize(
+    ("count", "wet", "left"), [(LEAST, LEAST, False), (LEAST + 1, LEAST + 1, True), (40, 8, False), (40, 9, True)]
+)
+def test_a_share_of_the_views_is_needed_and_no_fewer_than_three(count, wet, left):
+    """A drop drifts by up to 1.5 pixels; the others are somewhere else in every view."""
+    random = np.random.default_rng(2)
+    drop = drawn(random, 1)
+    views = [together(moved(drop, 1.5 * i / count), drawn(random, 5)) for i in range(wet)]
+    views += [drawn(random, 6) for _ in range(count - wet)]
+    for mask in on_the_lens(views, RADIUS)[:wet]:
+        assert mask.tolist() == [left, *[False] * 5]
+
+
+def test_one_view_and_views_without_features():
+    none = Features(np.zeros((0, 4), np.float32), np.zeros((0, 128), np.uint8))
+    one = drawn(np.random.default_rng(3), 5)
+    assert [mask.tolist() for mask in on_the_lens([one], RADIUS)] == [[False] * 5]
+    assert [len(mask) for mask in on_the_lens([none, one, none, one], RADIUS)] == [0, 5, 0, 5]
+    assert [len(mask) for mask in on_the_lens([none, none], RADIUS)] == [0, 0]

@@ -31,6 +31,11 @@ run_command(main, prog="waiting")
 """
 
 
+def ran(code, **options):
+    command = [sys.executable, "-c", code]
+    return subprocess.run(command, capture_output=True, text=True, check=False, **options)
+
+
 def as_in_a_terminal():
     """A shell's background jobs ignore these signals, and so does what they start."""
     for number in (signal.SIGINT, signal.SIGHUP):
@@ -98,7 +103,7 @@ def test_opencv_keeps_its_words_on_damaged_pictures_to_itself(tmp_path):
     picture = np.random.default_rng(0).integers(0, 256, (64, 64, 3)).astype(np.uint8)
     (tmp_path / "cut.tif").write_bytes(cv2.imencode(".tif", picture)[1].tobytes()[:9000])
     code = "from hydroviews.cli.starting import begin; begin(); import cv2; assert cv2.imread('cut.tif', -1) is None"
-    process = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    process = ran(code, cwd=tmp_path)
     assert (process.returncode, process.stderr) == (0, "")
 
 
@@ -106,10 +111,7 @@ def test_opencv_keeps_its_words_on_damaged_pictures_to_itself(tmp_path):
 def test_threads_that_wait_soon_sleep_unless_the_user_has_them_wait_otherwise(given, spins):
     code = "from hydroviews.cli.starting import begin; begin(); import os; print(os.environ['GOMP_SPINCOUNT'])"
     inherited = {name: value for name, value in os.environ.items() if name != "GOMP_SPINCOUNT"}
-    process = subprocess.run(
-        [sys.executable, "-c", code], env=inherited | given, cwd=REPOSITORY, capture_output=True, text=True, check=True
-    )
-    assert process.stdout.strip() in spins
+    assert ran(code, env=inherited | given, cwd=REPOSITORY).stdout.strip() in spins
 
 
 @pytest.mark.parametrize(("running", "cores", "busy"), [(1, 2, False), (2, 2, True), (2, 16, False), (9, 16, True)])
@@ -181,8 +183,7 @@ def test_a_family_in_a_family_is_ended_with_it(monkeypatch):
 
 def test_a_worker_that_is_ended_prints_no_stack_trace():
     code = "import signal, hydroviews.scene.lenses; signal.raise_signal(signal.SIGTERM)"
-    environment = {**os.environ, "PYTHONPATH": str(REPOSITORY)}
-    process = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False)
+    process = ran(code, env={**os.environ, "PYTHONPATH": str(REPOSITORY)})
     assert (process.returncode, process.stdout, process.stderr) == (-signal.SIGTERM, "", "")
 
 

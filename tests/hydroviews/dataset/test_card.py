@@ -2,10 +2,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from built_yard import STREAKS, built_yard
+from built_yard import built_yard
 from synthetic import capture_in
 
-from hydroviews.dataset.build import build
 from hydroviews.dataset.card.card import Licence, find_licence, keep_licence
 from hydroviews.dataset.checks.verify import verify
 from hydroviews.dataset.manifest import built_scenes
@@ -62,14 +61,6 @@ def test_the_card_says_what_the_files_say(built):
     assert "What it costs" not in card
     assert "--lens-renderer" not in card
     assert verify(built.parent) == []
-
-
-def test_the_same_scene_gives_the_same_card_elsewhere(built, tmp_path):
-    scene = capture_in(tmp_path / "other" / "yard")
-    again = build(scene, tmp_path / "again", patterns=STREAKS, seed=5, source=str(tmp_path / "other" / "yard"))
-    card, other = ((folder / "README.md").read_text() for folder in (built, again))
-    assert "licence is unknown" in other
-    assert card.partition("From `licence")[0] == other.partition("The photographs' licence")[0]
 
 
 @pytest.mark.parametrize(("place", "scene"), [("data", "other"), (".", ""), ("data/yard/clean", "")])

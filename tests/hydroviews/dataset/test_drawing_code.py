@@ -61,30 +61,30 @@ def test_an_edit_anywhere_in_what_draws_is_seen(monkeypatch):
 
 
 # What files that draw import and need not belong to them: errors, messages, files on disk, tables, readers of captures.
-HARMLESS = {
-    "hydroviews.cli.logs",
-    "hydroviews.cli.plugins",
-    "hydroviews.cli.processes",
-    "hydroviews.captures.exif_orientation",
-    "hydroviews.captures.panoramas",
-    "hydroviews.dataset.drawing_code",
-    "hydroviews.dataset.statistics",
-    "hydroviews.errors",
-    "hydroviews.files",
-    "hydroviews.files.atomic",
-    "hydroviews.files.cache",
-    "hydroviews.files.cached_weights",
-    "hydroviews.files.full_disk",
-    "hydroviews.files.known_bytes",
-    "hydroviews.files.ownership",
-    "hydroviews.files.package_index",
-    "hydroviews.files.settings_guard",
-    "hydroviews.files.temporary",
-    "hydroviews.formats.capture_json",
-    "hydroviews.formats.photographs",
-    "hydroviews.formats.read",
-    "hydroviews.formats.writers",
-}
+HARMLESS = [
+    "errors",
+    "files",
+    "cli.logs",
+    "cli.plugins",
+    "cli.processes",
+    "captures.exif_orientation",
+    "captures.panoramas",
+    "dataset.drawing_code",
+    "dataset.statistics",
+    "files.atomic",
+    "files.cache",
+    "files.cached_weights",
+    "files.full_disk",
+    "files.known_bytes",
+    "files.ownership",
+    "files.package_index",
+    "files.settings_guard",
+    "files.temporary",
+    "formats.capture_json",
+    "formats.photographs",
+    "formats.read",
+    "formats.writers",
+]
 
 
 def test_whatever_what_draws_imports_draws_too():
@@ -93,7 +93,7 @@ def test_whatever_what_draws_imports_draws_too():
         for module in imported(path):
             name = module.removeprefix("hydroviews").strip(".").replace(".", "/")
             covered = any(f"{name}.py" == s or f"{name}/".startswith(f"{s}/") for s in SOURCES)
-            if not covered and module not in HARMLESS:
+            if not covered and module.removeprefix("hydroviews.") not in HARMLESS:
                 missing.setdefault(module, path)
     assert missing == {}
 

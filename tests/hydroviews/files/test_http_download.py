@@ -1,6 +1,7 @@
 import base64
 import hashlib
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,15 +12,10 @@ from hydroviews.files import http_download
 from hydroviews.files.http_download import fetch
 from hydroviews.files.ownership import FILES
 
+pytestmark = pytest.mark.usefixtures("plain_network")
+
 CONTENT = np.random.default_rng(0).bytes(3_000_000)
 SHA = hashlib.sha256(CONTENT).hexdigest()
-
-
-@pytest.fixture(autouse=True)
-def no_waiting(monkeypatch):
-    monkeypatch.setattr(http_download, "PAUSE", 0.0)
-    for name in ("http_proxy", "HTTP_PROXY"):
-        monkeypatch.delenv(name, raising=False)
 
 
 @pytest.fixture
@@ -38,12 +34,6 @@ def begun(folder, url, part, size=3_000_000):
     (folder / "a.bin.part.json").write_text(json.dumps({"url": url, "size": size, "tag": None}))
 
 
-def test_a_file_arrives_with_its_checksum(server, tmp_path):
-    assert fetch([f"{server.address}/a.bin"], tmp_path / "deep" / "a.bin") == SHA
-    assert (tmp_path / "deep" / "a.bin").read_bytes() == CONTENT
-    assert leftovers(tmp_path / "deep") == ["a.bin"]
-
-
 OFTEN = 2 * http_download.ATTEMPTS
 TWICE = {"cut_after": [1_200_000, 500_000]}
 
@@ -51,17 +41,19 @@ TWICE = {"cut_after": [1_200_000, 500_000]}
 @pytest.mark.parametrize(
     ("failings", "asked"),
     [
+        ({"cut_after": []}, [None]),
         (TWICE, [None, "bytes=1200000-", "bytes=1700000-"]),
         ({**TWICE, "tag": 'W/"one"'}, [None, "bytes=1200000-", "bytes=1700000-"]),
         ({"cut_after": [100_000] * OFTEN}, [None, *(f"bytes={100_000 * i}-" for i in range(1, OFTEN + 1))]),
         ({"cut_after": [2_000_000], "ranges": False}, [None, "bytes=2000000-"]),
     ],
-    ids=["twice", "a weak tag", "often", "no ranges"],
+    ids=["never", "twice", "a weak tag", "often", "no ranges"],
 )
 def test_a_cut_connection_is_taken_up_again(server, tmp_path, failings, asked):
     vars(server).update(failings, cut_after=[*failings["cut_after"]])
-    fetch([f"{server.address}/a.bin"], tmp_path / "a.bin")
-    assert (tmp_path / "a.bin").read_bytes() == CONTENT
+    assert fetch([f"{server.address}/a.bin"], tmp_path / "deep" / "a.bin") == SHA
+    assert (tmp_path / "deep" / "a.bin").read_bytes() == CONTENT
+    assert leftovers(tmp_path / "deep") == ["a.bin"]
     assert [ask[1] for ask in server.asked] == asked
 
 
@@ -160,26 +152,21 @@ def test_what_no_server_has_is_told_with_every_reason(server, tmp_path):
     urls = [f"{server.address}/a.bin", f"{server.address}/a.bin?2", "http://127.0.0.1:9/a.bin"]
     with pytest.raises(InputError) as refusal:
         fetch(urls, tmp_path / "a.bin")
-    text = str(refusal.value)
-    assert f"{urls[0]}: the server answered 404" in text
-    assert f"{urls[1]}: the server answered 503" in text
-    assert f"{urls[2]}: no connection" in text
-    assert "--mirror URL" in text
+    faults = ("the server answered 404", "the server answered 503", "no connection")
+    for said in (*(f"{url}: {fault}" for url, fault in zip(urls, faults, strict=True)), "--mirror URL"):
+        assert said in str(refusal.value)
     assert len(server.asked) == 5  # 404 once, 503 four times
 
 
-def test_a_full_disk_is_told_before_anything_is_written(server, tmp_path, monkeypatch):
-    monkeypatch.setattr(http_download.shutil, "disk_usage", lambda path: type("Usage", (), {"free": 1000})())
+def test_a_disk_needs_room_for_the_rest_of_a_file(server, tmp_path, monkeypatch):
+    monkeypatch.setattr(http_download.shutil, "disk_usage", lambda path: SimpleNamespace(free=1_500_000))
+    url = f"{server.address}/a.bin"
     with pytest.raises(InputError, match="no space left on the disk"):
-        fetch([f"{server.address}/a.bin"], tmp_path / "a.bin")
+        fetch([url], tmp_path / "a.bin")
     assert "a.bin.part" not in leftovers(tmp_path)
-
-
-def test_a_download_goes_on_where_there_is_room_for_the_rest(server, tmp_path, monkeypatch):
-    begun(tmp_path, f"{server.address}/a.bin", CONTENT[:2_000_000])
-    monkeypatch.setattr(http_download.shutil, "disk_usage", lambda path: type("Usage", (), {"free": 1_500_000})())
-    assert fetch([f"{server.address}/a.bin"], tmp_path / "a.bin") == SHA
-    assert server.asked == [("/a.bin", "bytes=2000000-")]
+    begun(tmp_path, url, CONTENT[:2_000_000])
+    assert fetch([url], tmp_path / "a.bin") == SHA
+    assert server.asked[-1] == ("/a.bin", "bytes=2000000-")
 
 
 @pytest.mark.parametrize(

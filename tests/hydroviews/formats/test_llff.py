@@ -8,6 +8,7 @@ from in_the_way import KINDS, not_for_ever, swap
 
 from hydroviews.errors import InputError
 from hydroviews.formats.read import read_scene
+from hydroviews.scene.camera_errors import angles, pair_errors
 from hydroviews.scene.lenses import Lens
 
 
@@ -48,7 +49,6 @@ def test_poses_and_focal_length(tmp_path, factor):
         (table(4)[:, :15], "not an LLFF camera file"),
         (table(4, size=(100, 72)), r"differ in size\n.*96x72 pixels\n.*100x72"),
         (np.full((4, 17), np.nan), "bad heights, widths or focal lengths"),
-        (table(4) * np.where(np.arange(17) == 0, np.nan, 1), "not finite"),
         (np.tile(np.r_[np.zeros(4), 72, np.zeros(4), 96, np.zeros(4), 80, 1, 9], (4, 1)), "not rigid"),
     ],
 )
@@ -69,14 +69,7 @@ def archive_of(values) -> bytes:
     return content.getvalue()
 
 
-SHAPES = (
-    "(-4, 17)",
-    "(4, -17)",
-    "(99999999999999999999, 17)",
-    "(4611686018427387904, 17)",
-    "(4,",
-    "(4, 1700000000000)",
-)
+SHAPES = ("(-4, 17)", "(4, -17)", f"({'9' * 20}, 17)", f"({2**62}, 17)", "(4,", "(4, 1700000000000)")
 NO_ARRAYS = {
     **{f"cut after {length}": array_file(b"")[:length] for length in (0, 20)},
     **{
@@ -113,19 +106,11 @@ def test_flower_poses_agree_with_its_colmap_model(tmp_path):
     assert (camera.width, camera.height) == (800, 600)
     assert camera.fx == pytest.approx(3575.06 * 800 / 4032, rel=1e-4)
     # The world differs by a similarity; rotations between views do not.
-    for a, b in ((0, 33), (5, 20), (12, 30)):
-        relative = [s.views[b].camera.rotation @ s.views[a].camera.rotation.T for s in (scene, solved)]
-        cosine = (np.trace(relative[0].T @ relative[1]) - 1) / 2
-        assert np.degrees(np.arccos(min(cosine, 1))) < 0.5
-        ratios = [_baseline_direction(s, a, b) for s in (scene, solved)]
-        assert ratios[0] @ ratios[1] > 0.99
-
-
-def _baseline_direction(scene, a, b):
-    """Unit vector to the second camera as the first one sees it."""
-    first, second = scene.views[a].camera, scene.views[b].camera
-    direction = first.rotation @ (second.centre - first.centre)
-    return direction / np.linalg.norm(direction)
+    for pair in ((0, 33), (5, 20), (12, 30)):
+        poses = [np.array([s.views[i].camera.world_to_camera for i in pair]) for s in (scene, solved)]
+        turns = [second[:3, :3] @ first[:3, :3].T for first, second in poses]
+        assert angles(turns[0].T @ turns[1]) < 0.5
+        assert pair_errors(*poses) < 1  # of the direction to the second as well
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -34,10 +34,7 @@ def test_opengl_poses_and_shared_intrinsics(tmp_path):
     assert scene.views[0].lens == LENS
     for view, pose in zip(scene.views, arc(4), strict=True):
         np.testing.assert_allclose(view.camera.world_to_camera, pose, atol=1e-12)
-    assert scene.notes == (
-        "cameras from transforms.json: 4 of 4 frames have an image",
-        "the capture has no points",
-    )
+    assert scene.notes == ("cameras from transforms.json: 4 of 4 frames have an image", "the capture has no points")
 
 
 def test_intrinsics_of_a_frame_win(tmp_path):
@@ -138,12 +135,9 @@ def test_rotation_off_by_rounding_is_made_rigid(tmp_path):
         ({"frames": []}, "no frames"),
         ({"frames": [{"file_path": "images/00.png"}]}, "frame 0 is not complete"),
         ({"frames": frames()}, "no focal length"),
-        ({"fl_x": "long", "frames": frames()}, "fl_x is not a number"),
-        ({"fl_x": -80.0, "frames": frames()}, "impossible focal length"),
         ({"fl_x": 80.0, "k4": 0.1, "frames": frames()}, "fourth radial coefficient"),
         ({"fl_x": 80.0, "camera_model": "EQUIRECTANGULAR", "frames": frames()}, "EQUIRECTANGULAR is not supported"),
         ({"fl_x": 80.0, "w": 100, "h": 72, "frames": frames()}, "image and camera differ in size"),
-        ({"fl_x": 80.0, "frames": frames(2)}, "too few views"),
     ],
 )
 def test_bad_files(tmp_path, content, message):

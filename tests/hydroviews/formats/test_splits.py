@@ -13,6 +13,11 @@ TEST = ("view-03", "view-04", "view-05")
 TRAIN = tuple(name for name in NAMES if name not in TEST)
 
 
+@pytest.fixture
+def nerfstudio(tmp_path):
+    return write_room(scene_in_room(tmp_path / "walk"), tmp_path / "walk", "nerfstudio")
+
+
 @pytest.fixture(params=["colmap", "nerfstudio"])
 def capture(tmp_path, request):
     return write_room(scene_in_room(tmp_path / "walk"), tmp_path / "walk", request.param)
@@ -55,11 +60,6 @@ def test_a_split_of_other_photographs_is_not_used_and_told(capture, caplog):
     with_lists(capture, "other-{}.png")
     assert split_of(capture)[1] == ("view-00", "view-08")
     assert "the split of train_list.txt, test_list.txt is not used" in caplog.text
-
-
-@pytest.fixture
-def nerfstudio(tmp_path):
-    return write_room(scene_in_room(tmp_path / "walk"), tmp_path / "walk", "nerfstudio")
 
 
 @pytest.mark.parametrize("parts", [("train", "test"), ("train", "val", "test"), ("train", "val"), ("test",)])

@@ -175,9 +175,8 @@ def change(folder, **values):
         ({"ply_file_path": "../points.ply"}, "leads out of the capture"),
         ({"w": int("9" * 400)}, "not valid JSON\n  found: an integer of 400 digits"),
         ({"w": 1e300}, "impossible size"),
-        ({"fl_x": [1]}, "fl_x is not a number"),
-        ({"frames": {"0": 1}}, "no frames"),
-        ({"frames": [3]}, "no frames"),
+        *(({"fl_x": odd}, "fl_x is not a number") for odd in ("long", [1])),
+        *(({"frames": odd}, "no frames") for odd in ({"0": 1}, [3])),
         *(
             ({"fl_x": None, "fl_y": None, "camera_angle_x": angle}, "0: impossible camera_angle_x")
             for angle in (0.0, -1.0, 4.0)

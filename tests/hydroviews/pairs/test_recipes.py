@@ -1,11 +1,18 @@
+"""Recipes of rain for pairs: mist, streaks, drops, panes, and the windows of the data set."""
+
 import numpy as np
 import pytest
-from wet import HEIGHT, WIDTH, photograph
+from wet import HEIGHT, WIDTH, lens, photograph
 
 from hydroviews.pairs.camera import noisy
 from hydroviews.pairs.recipes.compositing import ENCODED, LINEAR, Space
+from hydroviews.pairs.recipes.drops import Drops, draw_drops
+from hydroviews.pairs.recipes.fields import halved
 from hydroviews.pairs.recipes.lines import draw_lines
 from hydroviews.pairs.recipes.panes import Pane, draw_pane
+from hydroviews.pairs.recipes.shapes import Shapes
+from hydroviews.pairs.recipes.stamps import stamp
+from hydroviews.pairs.windows import draw_window_pane
 from hydroviews.scene.images import to_linear, to_srgb
 from hydroviews.scene.seeds import generator
 
@@ -67,3 +74,86 @@ def test_noise_of_a_sensor_is_as_strong_as_asked_for():
     assert noise.std() == pytest.approx(0.01, rel=0.05)
     assert abs(noise.mean()) < 5e-4
     assert noisy(np.ones_like(grey), 0.01, generator(0)).max() == 1
+
+
+COLUMNS, ROWS = 240, 160
+BLACK, WHITE = np.zeros((ROWS, COLUMNS, 3), np.float32), np.ones((ROWS, COLUMNS, 3), np.float32)
+
+
+def shapes(middles, radii, aspect=1.0, turn=0.0):
+    count = len(radii)
+    ones = np.ones(count)
+    places = np.array(middles, float).reshape(count, 2)
+    return Shapes(places, np.array(radii, float), aspect * ones, turn * ones, np.zeros((count, 4)))
+
+
+@pytest.mark.parametrize(("aspect", "turn", "wide", "high"), [(1, 0, 10, 10), (4, 0, 20, 5), (4, np.pi / 2, 5, 20)])
+def test_a_drop_is_as_large_as_said_and_where(aspect, turn, wide, high):
+    cover, place, owner = stamp(shapes([[100, 60]], [10], aspect, turn), COLUMNS, ROWS)
+    assert cover.sum() == pytest.approx(np.pi * 100, rel=0.03)
+    assert cover[60, 100 + wide - 2] == cover[60 + high - 2, 100] == 1
+    assert cover[60, 100 + wide + 1] == cover[60 + high + 1, 100] == 0
+    assert place[60, 100 + wide - 1] == pytest.approx((1, 0), abs=0.2)
+    assert place[60 + high - 1, 100] == pytest.approx((0, 1), abs=0.2)
+    assert set(np.unique(owner)) == {-1, 0}
+
+
+def test_no_drop_lies_over_another_and_tiny_ones_cover_little():
+    alone = stamp(shapes([[50, 50]], [10]), COLUMNS, ROWS)
+    for beside in (52, 58, 62):
+        both = stamp(shapes([[50, 50], [beside, 50]], [10, 5]), COLUMNS, ROWS)
+        np.testing.assert_array_equal(both.cover, alone.cover)
+    assert set(np.unique(stamp(shapes([[50, 50], [70, 50]], [10, 5]), COLUMNS, ROWS).owner)) == {-1, 0, 1}
+    tiny = stamp(shapes([[50.5, 50.5]], [0.4]), COLUMNS, ROWS)
+    assert tiny.cover.sum() == pytest.approx(np.pi * 0.16, rel=0.6)
+
+
+def test_drops_change_nothing_where_they_are_not():
+    scene = np.random.default_rng(0).random(BLACK.shape).astype(np.float32)
+    for seed in range(25):
+        drops, _ = draw_drops(generator(seed), COLUMNS, ROWS, ENCODED)
+        assert 0 <= drops.cover.min() <= drops.cover.max() <= 1
+        dry = drops.cover == 0
+        np.testing.assert_allclose(drops.over(scene)[dry], scene[dry], atol=1e-5)
+
+
+def test_drops_show_their_surroundings_upside_down():
+    cover, source = np.zeros((ROWS, COLUMNS), np.float32), np.zeros((ROWS, COLUMNS, 2), np.float32)
+    cover[20:40, 30:50] = 1
+    source[..., 0], source[..., 1] = np.meshgrid(np.arange(COLUMNS), ROWS - 1 - np.arange(ROWS))
+    drops = Drops(cover, 0 * BLACK, cover, cover, source, "refracted", 0.1, 0.0, 1.0, False)
+    scene = np.random.default_rng(0).random(BLACK.shape).astype(np.float32)
+    seen = drops.over(scene)
+    np.testing.assert_allclose(seen[25, 35], scene[ROWS - 26, 35], atol=1e-5)
+    np.testing.assert_array_equal(seen[:20], scene[:20])
+    smooth = np.repeat(np.linspace(0, 1, ROWS, dtype=np.float32)[:, None, None], COLUMNS, 1).repeat(3, 2)
+    expected, small = halved(drops.over(smooth)), drops.half().over(halved(smooth))
+    np.testing.assert_allclose(small, expected, atol=0.02)
+
+
+AIR = np.full(3, 0.6, np.float32)
+
+
+def test_drops_of_a_window_have_light_of_their_own(window):
+    """Over black and over white the drop looks nearly alike, dark above and bright below."""
+    black, white = np.zeros_like(PICTURE), np.ones_like(PICTURE)
+    for seed in range(12):
+        pane, _ = draw_window_pane(window, AIR, generator(seed), has_mist=False)
+        seen = [pane.over(scene) for scene in (black, white)]
+        assert seen[0][33:38, 35:45].mean() > seen[0][22:27, 35:45].mean() + 0.1
+        difference = (seen[1] - seen[0])[23:27, 33:47].mean()  # scene's share is 0.15 at most, in linear light
+        assert difference < 0.45
+        assert (seen[1] - seen[0])[:10, :10].mean() > 0.9
+
+
+def test_parts_of_a_window_come_alone(window):
+    misty, small = draw_window_pane(window, AIR, generator(0), has_drops=False)
+    assert not misty.mask.any()
+    assert not small.mask.any()
+    assert not misty.lit.any()
+    assert misty.veil.max() > 0
+    wet, _ = draw_window_pane(window, AIR, generator(0), has_mist=False)
+    assert wet.mask.any()
+    assert not wet.veil.any()
+    with pytest.raises(ValueError, match="window"):
+        draw_window_pane(lens(), AIR, generator(0))

@@ -3,6 +3,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from rained import harm
 from synthetic import capture_in
 
 from hydroviews.rain import severity
@@ -13,6 +14,11 @@ from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.registry import find_effect
 from hydroviews.rain.scene_statistics import TINT, survey
 from hydroviews.rain.streaks.recipe import streak_layer
+from hydroviews.rain.weather.dark import Dark
+from hydroviews.rain.weather.haze import Haze
+from hydroviews.rain.weather.night import Lamps
+from hydroviews.rain.weather.noise import NoisePattern
+from hydroviews.rain.weather.severity import LOSS
 from hydroviews.scene.depth import depth_path, write_depth
 from hydroviews.scene.images import luminance, to_linear, to_srgb, write_png
 from hydroviews.scene.seeds import generator
@@ -72,16 +78,31 @@ def test_streaks_cost_a_plain_reconstruction_what_their_grade_says(statistics):
     losses = [loss(statistics, streaks_over(pattern, statistics)) for pattern in drawn]
     assert losses[:2] == pytest.approx(LOSSES["streak"][:2], abs=0.5)
     assert losses[1] + 1 < losses[2] <= LOSSES["streak"][2]
-    assert (drawn[2].n, drawn[2].brightness) == (
-        300,
-        1,
-    )  # the most; this scene has too little contrast
+    assert (drawn[2].n, drawn[2].brightness) == (300, 1)  # the most; this scene has too little contrast
 
 
 def test_drops_and_mist_cost_a_plain_reconstruction_what_their_grade_says(statistics):
     drawn = [draw("raindrop", i, statistics) for i in range(3)]
     losses = [loss(statistics, wet_lens_over(pattern, statistics)) for pattern in drawn]
     assert losses == pytest.approx(LOSSES["raindrop"], abs=0.6)
+
+
+@pytest.mark.parametrize("index", [0, 1, 2])
+@pytest.mark.parametrize(
+    ("name", "effect", "part", "metres", "error"),
+    [
+        ("dark", Dark(), lambda drawn: replace(drawn, noise=NoisePattern(0.0, 0.0)), 1.0, 0.02),
+        ("haze", Haze(), lambda drawn: drawn, 1.0, 0.05),
+        ("night", Lamps(), lambda drawn: drawn["night"], 5.0, 0.03),  # a smaller scene is all lit by its lamps
+    ],
+    ids=["dark", "haze", "night"],
+)
+def test_weather_changes_views_by_what_its_grade_says(yard, name, effect, part, metres, error, index):
+    pattern, yard = Pattern(name, index), replace(yard, metres_per_unit=metres)
+    drawn = draw(name, index, yard)
+    assert draw(name, index, yard) == drawn
+    wanted = severity.wanted_harm(LOSS[name][pattern.grade], yard)
+    assert harm(effect, part(drawn), pattern, yard) == pytest.approx(wanted, rel=error)
 
 
 def surveyed(folder, image):
@@ -137,10 +158,10 @@ def test_a_blurred_scene_costs_at_most_half_of_what_its_grade_says(statistics, g
     effect = find_effect("hydroviews.rain.lens.effect:SharpRaindropEffect")
     drawn = effect.draw(Pattern("raindrop", grade), statistics)
     open_, fixed = draw("raindrop", grade, statistics), severity.wanted_harm(LOSSES["raindrop"][grade], statistics)
-    harm = blur_harm(statistics)
-    assert harm(drawn.focus_blur) <= 0.501 * fixed
+    blurred = blur_harm(statistics)
+    assert blurred(drawn.focus_blur) <= 0.501 * fixed
     assert drawn.focus_blur <= open_.focus_blur
-    assert drawn.focus_blur > 0.99 * open_.focus_blur or harm(open_.focus_blur) > 0.5 * fixed
+    assert drawn.focus_blur > 0.99 * open_.focus_blur or blurred(open_.focus_blur) > 0.5 * fixed
     assert drawn.mist <= open_.mist
 
 

@@ -60,15 +60,6 @@ def test_undistorted_photograph_is_what_a_pinhole_camera_sees(lens):
     assert np.abs(picture - expected).max() < 0.08  # the outermost half pixel is repeated
 
 
-def test_pinhole_photographs_are_left_alone():
-    lens = Lens("PINHOLE", 96, 72, (80.0, 82.0, 47.0, 37.0))
-    image = photograph(lens)
-    assert lens.is_pinhole
-    assert lens.undistort(image) is image
-    assert lens.pinhole() == (96, 72, 80.0, 82.0, 47.0, 37.0)
-    assert Lens("OPENCV", 96, 72, (80.0, 82.0, 47.0, 37.0, 0.0, 0.0, 0.0, 0.0)).is_pinhole
-
-
 @pytest.mark.parametrize("long_side", [None, 1500, 400])
 @pytest.mark.parametrize("lens", [None, Lens("OPENCV", 2000, 1500, (1600.0, 1600.0, 1000.0, 750.0, -0.05, 0.01, 0, 0))])
 def test_a_photograph_takes_at_most_16_bytes_a_pixel(tmp_path, monkeypatch, long_side, lens):

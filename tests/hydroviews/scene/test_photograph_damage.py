@@ -67,10 +67,10 @@ def other_bytes(content):
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
-@pytest.mark.parametrize(("name", "compression"), [("lzw", 5), ("deflate", 8), ("adobe", 32946)])
+@pytest.mark.parametrize("compression", [5, 8, 32946], ids=["lzw", "deflate", "adobe"])
 @pytest.mark.parametrize("damage", [random_bytes, sector_of_zeros, other_bytes])
-def test_a_damaged_tiff_has_a_fault_and_a_whole_one_none(tmp_path, name, compression, damage, dtype):
-    path = tiff(tmp_path / f"{name}.tif", compression, dtype)
+def test_a_damaged_tiff_has_a_fault_and_a_whole_one_none(tmp_path, compression, damage, dtype):
+    path = tiff(tmp_path / "a.tif", compression, dtype)
     assert not tiff_fault(path)
     content = np.fromfile(path, np.uint8)
     damage(content)
@@ -87,53 +87,49 @@ def test_a_damaged_tiff_is_told(tmp_path):
 
 
 def test_tiffs_of_other_makes_are_whole(tmp_path):
-    rng = np.random.default_rng(0)
-    paths = []
+    pixels = np.random.default_rng(0).integers(0, 256, (50, 61, 3)).astype(np.uint8)
     for mode in ("RGB", "RGBA", "L", "1", "P", "CMYK"):
-        picture = PIL.Image.fromarray(rng.integers(0, 256, (50, 61, 3)).astype(np.uint8)).convert(mode)
         for compression in ("tiff_lzw", "tiff_adobe_deflate", "packbits", None):
-            paths.append(tmp_path / f"{mode}-{compression}.tif")
-            picture.save(paths[-1], compression=compression)
-    for planes in ("contig", "separate"):
-        for tile in (None, (16, 16)):
-            picture = rng.integers(0, 256, (50, 61, 3) if planes == "contig" else (3, 50, 61)).astype(np.uint8)
-            paths.append(tmp_path / f"{planes}-{tile}.tif")
-            settings = {"compression": "zlib", "photometric": "rgb", "planarconfig": planes}
-            tifffile.imwrite(paths[-1], picture, tile=tile, **settings)
+            picture = PIL.Image.fromarray(pixels).convert(mode)
+            picture.save(tmp_path / f"{mode}-{compression}.tif", compression=compression)
+    settings = {"compression": "zlib", "photometric": "rgb"}
+    for tile in (None, (16, 16)):
+        tifffile.imwrite(tmp_path / f"a-{tile}.tif", pixels, tile=tile, planarconfig="contig", **settings)
+        planes = np.moveaxis(pixels, 2, 0)
+        tifffile.imwrite(tmp_path / f"b-{tile}.tif", planes, tile=tile, planarconfig="separate", **settings)
+    paths = sorted(tmp_path.glob("*.tif"))
+    assert len(paths) == 6 * 4 + 2 * 2
     require_whole(paths, "")
 
 
 def test_padding_of_any_length_is_no_damage(tmp_path):
     """As of cameras that fill their files up: before the end mark, or before every restart mark."""
     plain, restarts, paths = jpeg(PLAIN).tobytes(), jpeg(RESTARTS).tobytes(), []
+    whole = [write(tmp_path / "plain.jpg", plain), write(tmp_path / "restarts.jpg", restarts)]
     head, data = restarts[: restarts.index(b"\xff\xda")], restarts[restarts.index(b"\xff\xda") :]
     for filler in (b"\0", b"\xff"):
         for count in (1, 12, 5000):
             ended = plain[:-2] + filler * count + plain[-2:] + b"a preview behind the picture"
             restarted = head + re.sub(rb"(\xff[\xd0-\xd7])", filler * min(count, 14) + rb"\1", data)
-            for name, content, before in (("end", ended, plain), ("restarts", restarted, restarts)):
+            for name, content, before in (("end", ended, whole[0]), ("restarts", restarted, whole[1])):
                 paths.append(write(tmp_path / f"{name}-{filler.hex()}-{count}.jpg", content))
-                assert np.array_equal(cv2.imread(str(paths[-1])), cv2.imdecode(np.frombuffer(before, np.uint8), 1)), (
-                    name
-                )
+                assert np.array_equal(read_image(paths[-1]), read_image(before))
     require_whole(paths, "")
 
 
-@pytest.mark.parametrize("lost", [300, 4096])
-@pytest.mark.parametrize("settings", [PLAIN, RESTARTS], ids=["plain", "restarts"])
-def test_zeros_in_the_place_of_the_last_data_are_damage(tmp_path, lost, settings):
-    """As where a copy was broken off and the file had its length before: all before the end mark is 0."""
-    content = jpeg(settings)
-    content[-2 - lost : -2] = 0
-    with pytest.raises(InputError, match="a damaged JPEG"):
-        require_whole([write(tmp_path / "a.jpg", content.tobytes())], "")
+RUBBISH = np.random.default_rng(0).integers(1, 200, 40).astype(np.uint8).tobytes()
 
 
-def test_rubbish_before_the_end_is_damage(tmp_path):
-    content = jpeg(PLAIN).tobytes()
-    rubbish = np.random.default_rng(0).integers(1, 200, 40).astype(np.uint8).tobytes()
+@pytest.mark.parametrize(
+    ("settings", "lost", "instead"),
+    [*((settings, lost, bytes(lost)) for settings in (PLAIN, RESTARTS) for lost in (300, 4096)), (PLAIN, 0, RUBBISH)],
+    ids=["zeros", "many zeros", "zeros among restarts", "many zeros among restarts", "rubbish"],
+)
+def test_other_bytes_before_the_end_mark_are_damage(tmp_path, settings, lost, instead):
+    """Zeros as where a copy was broken off and the file had its length before."""
+    content = jpeg(settings).tobytes()
     with pytest.raises(InputError, match="a damaged JPEG"):
-        require_whole([write(tmp_path / "a.jpg", content[:-2] + rubbish + content[-2:])], "")
+        require_whole([write(tmp_path / "a.jpg", content[: -2 - lost] + instead + content[-2:])], "")
 
 
 def write(path, content):

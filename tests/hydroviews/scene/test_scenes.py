@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -7,14 +8,7 @@ from synthetic import capture_in
 from hydroviews.errors import InputError
 from hydroviews.formats.photographs import read_split
 from hydroviews.scene.images import write_png
-from hydroviews.scene.scenes import Split, every_eighth, every_third, make_scene, no_points
-
-
-def test_every_eighth_by_name():
-    names = [f"{i:02d}" for i in range(20)]
-    split = every_eighth(names[::-1])
-    assert split.test == ("00", "08", "16")
-    assert split.train == tuple(name for name in names if name not in split.test)
+from hydroviews.scene.scenes import Split, every_third, make_scene, no_points
 
 
 def test_views_are_sorted_and_split(tmp_path):
@@ -45,7 +39,6 @@ def test_image_that_does_not_fit_its_camera(tmp_path, size):
 
 
 NAMES = tuple(f"view-{i:02d}" for i in range(9))
-SPARSE = "no choice of its training views"
 
 
 @pytest.mark.parametrize(
@@ -58,10 +51,10 @@ SPARSE = "no choice of its training views"
         (NAMES, Split(("view-01", "view-02"), ()), "2 to train on, 0 held out"),
         (NAMES, Split(("view-00", "view-01"), ("view-00",)), "lists views twice"),
         (NAMES, Split(("view-01", "view-01", "view-02"), ("view-00",)), "lists views twice"),
-        (NAMES, Split(NAMES[1:], NAMES[:1], ("view-01",)), SPARSE),
-        (NAMES, Split(NAMES[1:], NAMES[:1], ("view-01", "view-01")), SPARSE),
-        (NAMES, Split(NAMES[1:], NAMES[:1], ("view-01", "view-00")), SPARSE),
-        (NAMES, Split(NAMES[1:], NAMES[:1], ("view-01", "x")), SPARSE),
+        *(
+            (NAMES, Split(NAMES[1:], NAMES[:1], ("view-01", *other)), "no choice of its training views")
+            for other in ((), ("view-01",), ("view-00",), ("x",))
+        ),
     ],
     ids=["none", "twice", "few", "absent", "no test", "both", "trained twice", "one", "same", "held out", "unknown"],
 )
@@ -80,24 +73,23 @@ def test_every_third_training_view_is_a_sparse_one_and_there_are_two(train, spar
 
 def test_a_scene_of_sparse_views(tmp_path):
     scene = capture_in(tmp_path / "yard")
-    assert scene.split.sparse == ("view-01", "view-04", "view-07")
-    few = scene.sparse()
-    assert [view.name for view in few.train_views] == ["view-01", "view-04", "view-07"]
-    assert few.test_views == scene.test_views
-    train, test = scene.split.train, scene.split.test
-    given = make_scene("yard", scene.views, scene.points, Split(train, test, ("view-05", "view-02")))
-    assert [view.name for view in given.sparse().train_views] == ["view-05", "view-02"]
+    chosen = replace(scene.split, sparse=("view-05", "view-02"))
+    given = make_scene("yard", scene.views, scene.points, chosen)
+    for one, expected in ((scene, ("view-01", "view-04", "view-07")), (given, ("view-05", "view-02"))):
+        assert one.split.sparse == expected
+        assert tuple(view.name for view in one.sparse().train_views) == expected
+        assert one.sparse().test_views == scene.test_views
 
 
-@pytest.mark.parametrize("sparse", [3, ["view-01", 4], "view-01"])
-def test_a_split_file_with_odd_sparse_views(tmp_path, sparse):
-    (tmp_path / "split.json").write_text(json.dumps({"train": ["a"], "test": ["b"], "sparse": sparse}))
-    with pytest.raises(InputError, match="not a split"):
-        read_split(tmp_path)
-
-
-def test_a_split_file_without_sparse_views_is_one(tmp_path):
-    (tmp_path / "split.json").write_text('{"train": ["a"], "test": ["b"]}')
-    assert read_split(tmp_path) == Split(("a",), ("b",), ())
-    (tmp_path / "split.json").write_text('{"train": ["a", "c"], "test": ["b"], "sparse": ["c", "a"]}')
-    assert read_split(tmp_path) == Split(("a", "c"), ("b",), ("a", "c"))  # in order of name, which is time
+@pytest.mark.parametrize(
+    ("sparse", "expected"),
+    [({}, ()), ({"sparse": ["c", "a"]}, ("a", "c"))],  # in order of name, which is time
+    ids=["none", "two"],
+)
+def test_a_split_file_names_sparse_views_or_none(tmp_path, sparse, expected):
+    (tmp_path / "split.json").write_text(json.dumps({"train": ["a", "c"], "test": ["b"], **sparse}))
+    assert read_split(tmp_path) == Split(("a", "c"), ("b",), expected)
+    for odd in (3, ["view-01", 4], "view-01"):
+        (tmp_path / "split.json").write_text(json.dumps({"train": ["a"], "test": ["b"], "sparse": odd}))
+        with pytest.raises(InputError, match="not a split"):
+            read_split(tmp_path)

@@ -41,22 +41,19 @@ def test_an_interrupted_call_is_gone_on_with(kind, tmp_path, monkeypatch):
 
 
 def test_files_of_another_version_are_not_kept(kind, tmp_path, monkeypatch):
-    monkeypatch.setattr(archives.os, "replace", _refuses_folders(os.replace))
-    with pytest.raises(KeyboardInterrupt):
-        unpack(kind(FILES), "train", tmp_path / "train", "one")
-    monkeypatch.undo()
-    changed = {**FILES, "tandt/train/images/a.jpg": b"FIRST"}
-    unpack(kind(changed), "train", tmp_path / "train", "two")
-    assert contents(tmp_path / "train") == {**SCENE, "images/a.jpg": b"FIRST"}
+    real = os.replace
 
-
-def _refuses_folders(real):
-    def replace(source, target):
+    def refuses_folders(source, target):
         if os.path.isdir(source):
             raise KeyboardInterrupt
         real(source, target)
 
-    return replace
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(archives.os, "replace", refuses_folders)
+        unpack(kind(FILES), "train", tmp_path / "train", "one")
+    changed = {**FILES, "tandt/train/images/a.jpg": b"FIRST"}
+    unpack(kind(changed), "train", tmp_path / "train", "two")
+    assert contents(tmp_path / "train") == {**SCENE, "images/a.jpg": b"FIRST"}
 
 
 def test_links_are_refused(kind, tmp_path):
@@ -113,6 +110,7 @@ def test_damage_anywhere_is_told_plainly(tmp_path, suffix):
             unpack(archive, "train", tmp_path / f"train-{place}")
         except BadArchive:
             refused += 1
+            assert not (tmp_path / f"train-{place}").exists()
     assert refused > 5
 
 
@@ -121,15 +119,8 @@ def test_an_archive_without_the_scene(kind, tmp_path):
         unpack(kind(FILES), "horse", tmp_path / "horse")
 
 
-def test_a_damaged_archive(kind, tmp_path):
-    archive = kind({"train/a.bin": os.urandom(50_000)})
-    whole = bytearray(archive.read_bytes())
-    whole[20_000:20_100] = bytes(100)
-    archive.write_bytes(whole)
-    with pytest.raises(InputError, match="damaged"):
-        unpack(archive, "train", tmp_path / "train")
-    assert not (tmp_path / "train").exists()
-    archive.write_bytes(b"<html>sign in first</html>")
-    assert not is_archive(archive)
+def test_what_is_no_archive(tmp_path):
+    (tmp_path / "a.zip").write_bytes(b"<html>sign in first</html>")
+    assert not is_archive(tmp_path / "a.zip")
     with pytest.raises(InputError, match="neither a zip nor a tar archive"):
-        unpack(archive, "train", tmp_path / "train")
+        unpack(tmp_path / "a.zip", "train", tmp_path / "train")

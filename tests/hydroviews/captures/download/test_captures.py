@@ -9,14 +9,11 @@ from hydroviews.captures.catalogue.catalogue import Archive, find_captures
 from hydroviews.captures.download import captures as downloads
 from hydroviews.captures.download.captures import addresses, download_captures, get_archive
 from hydroviews.errors import InputError
-from hydroviews.files import http_download
 
 
 @pytest.fixture(autouse=True)
-def plain_network(monkeypatch):
-    monkeypatch.setattr(http_download, "PAUSE", 0.0)
-    for name in ("http_proxy", "HTTP_PROXY", downloads.VARIABLE):
-        monkeypatch.delenv(name, raising=False)
+def no_mirror_of_this_machine(plain_network, monkeypatch):
+    monkeypatch.delenv(downloads.VARIABLE, raising=False)
 
 
 @pytest.fixture
@@ -113,10 +110,9 @@ def test_a_mirror_comes_before_the_catalogue():
     assert addresses(archive) == list(archive.urls)
     assert addresses(archive, "https://here/x") == ["https://here/x/360_v2.zip", *archive.urls]
     assert addresses(archive, "https://here/y.tar") == ["https://here/y.tar", *archive.urls]
-    with pytest.raises(InputError, match="not an address"):
-        addresses(archive, "/mnt/data")
-    with pytest.raises(InputError, match="not an address"):
-        addresses(archive, "http://[half")
+    for odd in ("/mnt/data", "http://[half"):
+        with pytest.raises(InputError, match="not an address"):
+            addresses(archive, odd)
 
 
 @pytest.mark.parametrize(

@@ -24,10 +24,9 @@ def courtyard(tmp_path_factory):
 def wet(image):
     """The picture behind grey drops, which are at the same places of every picture."""
     random, drops = np.random.default_rng(5), image.copy()
-    for x, y, radius in zip(
-        random.integers(0, WIDTH, DROPS), random.integers(0, HEIGHT, DROPS), random.integers(*RADII, DROPS), strict=True
-    ):
-        cv2.circle(drops, (int(x), int(y)), int(radius), (GREY,) * 3, -1, cv2.LINE_AA)
+    sides = (random.integers(low, high, DROPS).tolist() for low, high in ((0, WIDTH), (0, HEIGHT), RADII))
+    for x, y, radius in zip(*sides, strict=True):
+        cv2.circle(drops, (x, y), radius, (GREY,) * 3, -1, cv2.LINE_AA)
     return drops
 
 

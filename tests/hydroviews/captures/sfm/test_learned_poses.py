@@ -87,16 +87,8 @@ def matched(walk, features, database):
     """Verified matches of all pairs of the walk."""
     folder, names = walk
     poses.matching.register(database, folder, names, "SIMPLE_PINHOLE", shared=True)
-    pairs = poses.pairs.all_pairs(len(names))
-    matching.match(
-        database,
-        database.with_suffix(".learned"),
-        names,
-        [(180, 240)] * 4,
-        features,
-        pairs,
-        verification_options(0, 2.0),
-    )
+    pairs, options = poses.pairs.all_pairs(len(names)), verification_options(0, 2.0)
+    matching.match(database, database.with_suffix(".learned"), names, [(180, 240)] * 4, features, pairs, options)
     with pycolmap.Database.open(database) as opened:
         ids = [image_id(opened, name) for name in names]
         return {(i, j): opened.read_two_view_geometry(ids[i], ids[j]).inlier_matches for i, j in pairs}
@@ -129,9 +121,8 @@ def test_no_learned_features_where_hidden(walk, features, tmp_path):
     hidden[40:120, 60:200] = True
     for name in names:
         write_ignored(tmp_path / "masks" / mask_name(name), hidden)
-    for one, all_of_them in zip(
-        extraction.extract(tmp_path / "store", folder, names, tmp_path / "masks"), features, strict=True
-    ):
+    masked = extraction.extract(tmp_path / "store", folder, names, tmp_path / "masks")
+    for one, all_of_them in zip(masked, features, strict=True):
         outside = ~hidden[tuple(all_of_them.keypoints.astype(int)[:, ::-1].T)]
         assert 20 < outside.sum() < len(outside) - 20
         np.testing.assert_array_equal(one.keypoints, all_of_them.keypoints[outside])

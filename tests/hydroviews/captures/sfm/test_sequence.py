@@ -61,9 +61,8 @@ def test_views_that_no_neighbours_connect_are_not_judged():
 def test_matches_of_contradictions_are_removed(tmp_path):
     """In a database of views around a sphere, of which the last is given the matches of another place."""
     pycolmap.set_random_seed(0)
-    options = pycolmap.SyntheticDatasetOptions(
-        num_rigs=1, num_cameras_per_rig=1, num_frames_per_rig=6, num_points3D=200
-    )
+    size = {"num_rigs": 1, "num_cameras_per_rig": 1, "num_frames_per_rig": 6, "num_points3D": 200}
+    options = pycolmap.SyntheticDatasetOptions(**size)
     database = tmp_path / "database.db"
     with pycolmap.Database.open(database) as opened:
         model = pycolmap.synthesize_dataset(options, opened)

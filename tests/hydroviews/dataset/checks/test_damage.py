@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import stat
 
@@ -50,18 +51,16 @@ def test_a_file_that_changed_is_named_and_not_read(built, name, read):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_something_else_where_a_file_belongs_is_a_problem_and_the_rest_is_looked_at(built, kind):
-    names = ["split.json", "request.json", "transforms.json", "README.md", "clean/view-00.png"]
-    names += ["masks/view-03.png.png", "sparse/0/images.bin", "sparse/0/points3D.bin"]
+    names = ["split.json", "request.json", "transforms.json", "README.md", "clean/view-00.png", "masks/view-03.png.png"]
+    names += ["sparse/0/images.bin", "sparse/0/points3D.bin"]
     names += [f"streak-1/{name}" for name in ("pattern.json", "statistics.csv", "transforms.json")]
     names += ["streak-1/images/view-01.png", "streak-1/layers/view-01.exr"]
     damage(built / "clean/view-02.png")
     for name in names:
-        assert (built / name).is_file(), name
         swap(built / name, kind)
     with not_for_ever():
         problems = "\n".join(verify(built.parent))
-    for name in names:
-        assert f"{built / name}: not a file, found: a {kind}" in problems
+    assert [name for name in names if f"{built / name}: not a file, found: a {kind}" not in problems] == []
     assert f"{built / 'clean/view-02.png'}: changed since it was built" in problems
 
 
@@ -192,26 +191,25 @@ def test_finished_files_are_read_only_and_can_be_replaced(built):
 @pytest.mark.parametrize(
     ("change", "expected"),
     [
-        (lambda entry: entry["files"].update({"../../../etc/passwd": "0"}), "file '../../../etc/passwd'"),
-        (lambda entry: entry["files"].update({"/etc/passwd": "0"}), "file '/etc/passwd'"),
-        (lambda entry: entry["files"].update({"a//b": "0"}), "file 'a//b'"),
-        (lambda entry: entry["files"].update({"a": 5}), "file 'a'"),
-        (lambda entry: entry.update(files=["a"]), "no files"),
-        (lambda entry: entry.update(patterns=None), "patterns None"),
-        (lambda entry: entry.update(held_back=5), "held_back 5"),
-        (lambda entry: entry.update(patterns=[["streak-1"]]), "patterns"),
-        (lambda entry: entry.update(patterns=["../streak-1"]), "patterns"),
+        *(({"files": {name: "0"}}, f"file '{name}'") for name in ("../../../etc/passwd", "/etc/passwd", "a//b")),
+        ({"files": {"a": 5}}, "file 'a'"),
+        ({"files": ["a"]}, "no files"),
+        ({"patterns": None}, "patterns None"),
+        ({"held_back": 5}, "held_back 5"),
+        ({"patterns": [["streak-1"]]}, "patterns"),
+        ({"patterns": ["../streak-1"]}, "patterns"),
     ],
 )
 def test_odd_manifests_are_refused_by_all_who_read_them(built, change, expected):
-    path = built.parent / "manifest.json"
-    manifest = json.loads(path.read_text())
-    change(manifest["scenes"]["yard"])
-    path.write_text(json.dumps(manifest))
+    manifest = read_manifest(built.parent)
+    entry = manifest["scenes"]["yard"]
+    if isinstance(change.get("files"), dict):
+        change = {"files": entry["files"] | change["files"]}
+    entry.update(change)
+    (built.parent / "manifest.json").write_text(json.dumps(manifest))
     for read in (lambda: verify(built.parent), lambda: open_clean(built), lambda: again(built)):
-        with pytest.raises(InputError, match="not a manifest, scene 'yard'") as refusal:
+        with pytest.raises(InputError, match=rf"not a manifest, scene 'yard'[\s\S]*{re.escape(expected)}"):
             read()
-        assert expected in str(refusal.value)
 
 
 @pytest.mark.parametrize("name", ["../../../../etc", "/etc", "..", ".", "", "a/b"])

@@ -32,10 +32,9 @@ def edit(built, name, change):
 
 
 def edit_manifest(built, change):
-    path = built.parent / "manifest.json"
-    manifest = json.loads(path.read_text())
+    manifest = read_manifest(built.parent)
     change(manifest["scenes"]["yard"])
-    path.write_text(json.dumps(manifest))
+    (built.parent / "manifest.json").write_text(json.dumps(manifest))
 
 
 def told(built, every_view=False):
@@ -51,14 +50,13 @@ def test_layers_are_drawn_again_from_their_seed(built):
 def test_layers_that_another_seed_drew(built):
     facts = read_json(built / PATTERN)
     for index, every_view in ((0, False), (3, True)):
-        name = f"view-{index:02d}"
-        layer, image = built / f"streak-1/layers/{name}.exr", built / f"streak-1/images/{name}.png"
-        layers = {"S": np.ascontiguousarray(read_layers(layer)["S"][::-1, ::-1])}
-        write_layers(layer, layers)
-        write_png(image, rain.expected_view(facts, read_image(built / f"clean/{name}.png"), layers))
-        sign(built, f"streak-1/layers/{name}.exr", f"streak-1/images/{name}.png")
-        assert f"layers/{name}.exr: not what seed and parameters give: S" in told(built, every_view)
-        shutil.copy(built / "streak-1/layers/view-01.exr", built.parents[1])
+        layer, image = (f"streak-1/{part}/view-{index:02d}" for part in ("layers", "images"))
+        layers = {"S": np.ascontiguousarray(read_layers(built / f"{layer}.exr")["S"][::-1, ::-1])}
+        write_layers(built / f"{layer}.exr", layers)
+        clean = read_image(built / f"clean/view-{index:02d}.png")
+        write_png(built / f"{image}.png", rain.expected_view(facts, clean, layers))
+        sign(built, f"{layer}.exr", f"{image}.png")
+        assert f"{layer}.exr: not what seed and parameters give: S" in told(built, every_view)
     assert "view-03" not in told(built)  # one view a variant
 
 
@@ -163,17 +161,14 @@ def test_links_in_a_copy_of_the_cameras_and_a_linked_manifest(built, tmp_path, n
 @pytest.mark.parametrize(
     "change",
     [
-        lambda facts: facts["parameters"].update(brightness="x"),
-        lambda facts: facts["parameters"].update(brightness=None),
-        lambda facts: facts["parameters"].update(n=[1]),
-        lambda facts: facts["parameters"].update(length={"a": 1}),
-        lambda facts: facts.update(parameters=5),
-        lambda facts: facts.update(effect=["streak"]),
-        lambda facts: facts.update(effect="no-such-effect"),
+        *(
+            lambda facts, odd=odd: facts["parameters"].update(odd)
+            for odd in ({"brightness": "x"}, {"brightness": None}, {"n": [1]}, {"length": {"a": 1}})
+        ),
+        *(lambda facts, seed=seed: facts.update(seed=seed) for seed in ("0", True, -1)),
+        *(lambda facts, name=name: facts.update(effect=name) for name in (["streak"], "no-such-effect")),
+        *(lambda facts, odd=odd: facts.update(parameters=odd) for odd in (5, {"n": 100})),  # none, too few
         lambda facts: facts.update(index="1"),
-        lambda facts: facts.update(seed="0"),
-        lambda facts: facts.update(seed=True),
-        lambda facts: facts.update(seed=-1),
         lambda facts: [],
     ],
 )

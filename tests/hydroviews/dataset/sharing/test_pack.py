@@ -106,6 +106,7 @@ def test_what_may_not_be_handed_on_is_refused(tmp_path, says):
 
 
 def test_the_owner_states_the_licence(silent, tmp_path):
+    assert "licence is unknown" in (silent / "README.md").read_text()
     [(path, _)] = pack(silent, tmp_path / "out", patterns=["streak-1"], owner_says="CC-BY-SA-4.0")
     with zipfile.ZipFile(path) as opened:
         stated = json.loads(opened.read("yard/licence/licence.json"))

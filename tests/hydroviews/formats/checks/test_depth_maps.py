@@ -25,9 +25,9 @@ def with_maps(tmp_path):
             path = tmp_path / "walk" / "depth" / name.format(view.name)
             if path.suffix == ".png":
                 PIL.Image.fromarray(z.round().astype(np.uint16)).save(path)
-                continue
-            header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-            OpenEXR.File(header, {"Z": z.astype(np.float32)}).write(str(path))
+            else:
+                header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+                OpenEXR.File(header, {"Z": z.astype(np.float32)}).write(str(path))
         return write_room(room, tmp_path / "walk", "colmap")
 
     return write
@@ -51,13 +51,9 @@ def other_view(z):
     ids=["millimetres", "kilometres", "scaled", "disparity", "negative", "empty", "other view"],
 )
 def test_maps_that_contradict_the_points_are_refused_with_what_they_are(with_maps, change, what, found):
-    with pytest.raises(InputError) as refusal:
+    message = rf"the depth maps contradict the capture's points.*{what}[\s\S]*{found}[\s\S]*depth is then taken from"
+    with pytest.raises(InputError, match=message):
         read_scene(with_maps(change))
-    text = str(refusal.value)
-    assert "the depth maps contradict the capture's points" in text
-    assert what in text
-    assert found in text
-    assert "depth is then taken from the points" in text
 
 
 def test_maps_upside_down_are_refused(with_maps, monkeypatch):

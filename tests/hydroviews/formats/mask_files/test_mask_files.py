@@ -42,26 +42,26 @@ def hidden_shares(scene):
     return [0.0 if (ignored := view.ignored()) is None else ignored.mean() for view in scene.views]
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "masks/{}.jpg.png",
-        "masks/{}.png",
-        "masks/{}.jpg",
-        "masks/{}_mask.png",
-        "masks/mask_{}.png",
-        "masks/{}.mask.png",
-        "masks/{}.jpg.mask.png",
-        "masks/{}.JPG.png",
-        "mask/{}.png",
-        "Masks/{}.jpg.png",
-        "masks_2/{}.png",
-        "dynamic_masks/{}.png",
-        "segmentation/{}.png",
-        "images/{}_mask.png",
-        "masks/mask.png",  # one for all
-    ],
-)
+OTHER_NAMES = [
+    "masks/{}.jpg.png",
+    "masks/{}.png",
+    "masks/{}.jpg",
+    "masks/{}.JPG.png",
+    "masks/{}.mask.png",
+    "masks/{}.jpg.mask.png",
+    "masks/{}_mask.png",
+    "masks/mask_{}.png",
+    "images/{}_mask.png",
+    "mask/{}.png",
+    "Masks/{}.jpg.png",
+    "masks_2/{}.png",
+    "dynamic_masks/{}.png",
+    "segmentation/{}.png",
+    "masks/mask.png",
+]
+
+
+@pytest.mark.parametrize("name", OTHER_NAMES)
 def test_masks_of_other_names_hide_the_same(capture, caplog, name):
     write_masks(capture, name)
     scene = read_scene(capture)
@@ -92,11 +92,7 @@ def test_masks_for_some_name_the_others(capture, caplog):
 @pytest.mark.parametrize(
     ("files", "pixels", "message"),
     [
-        (
-            {"{}.jpg": 7, "other-{}": 2},
-            GREY,
-            "2 masks fit no photograph and hide nothing (other-view-00.png, ",
-        ),
+        ({"{}.jpg": 7, "other-{}": 2}, GREY, "2 masks fit no photograph and hide nothing (other-view-00.png, "),
         ({"IMG_{}": 9}, GREY, "none is named as it should be, such as view-00.jpg.png"),
         ({"{}": 9}, np.full_like(GREY, 255), "9 masks hide nothing"),
     ],
@@ -118,22 +114,21 @@ def with_alpha(colour):
 CUT_OUT = np.random.default_rng(0).integers(0, 256, (64, 96, 3)).astype(np.uint8)
 
 
-@pytest.mark.parametrize(
-    "pixels",
-    [
-        np.maximum(GREY, 10),
-        np.where(HIDDEN, np.uint8(90), np.uint8(160)),
-        GREY // 255,
-        (GREY // 255) * np.uint8(3),
-        with_alpha(np.full((64, 96, 3), 255, np.uint8)),
-        with_alpha(np.zeros((64, 96, 3), np.uint8) + GREY[..., None]),
-        with_alpha(CUT_OUT),
-        GREY.astype(np.uint16) * 257,
-    ],
-    ids=["10 of 255", "greys", "0 and 1", "0 and 3", "alpha alone", "alpha and black", "cut out", "16 bits"],
-)
-def test_masks_of_other_values_hide_the_same(tmp_path, pixels):
-    cv2.imwrite(str(tmp_path / "mask.png"), pixels)
+OTHER_VALUES = {
+    "10 of 255": np.maximum(GREY, 10),
+    "greys": np.where(HIDDEN, np.uint8(90), np.uint8(160)),
+    "0 and 1": GREY // 255,
+    "0 and 3": (GREY // 255) * np.uint8(3),
+    "alpha alone": with_alpha(np.full((64, 96, 3), 255, np.uint8)),
+    "alpha and black": with_alpha(GREY[..., None].repeat(3, axis=2)),
+    "cut out": with_alpha(CUT_OUT),
+    "16 bits": GREY.astype(np.uint16) * 257,
+}
+
+
+@pytest.mark.parametrize("name", OTHER_VALUES)
+def test_masks_of_other_values_hide_the_same(tmp_path, name):
+    cv2.imwrite(str(tmp_path / "mask.png"), OTHER_VALUES[name])
     assert np.array_equal(read_ignored(tmp_path / "mask.png"), HIDDEN)
 
 
@@ -168,5 +163,6 @@ def test_masks_beside_photographs_without_cameras_are_told(capture, tmp_path, ca
     write_masks(capture, "masks/{}.jpg.png")
     monkeypatch.setattr("hydroviews.__main__.estimate_poses", lambda *_, **__: read_scene(capture))
     poses_command(capture / "images", tmp_path / "out")
-    assert f"{capture / 'masks'}: masks are not used to estimate cameras" in " ".join(warnings(caplog))
-    assert f"copy them to {tmp_path / 'out' / 'masks'}" in " ".join(warnings(caplog))
+    said = " ".join(warnings(caplog))
+    assert f"{capture / 'masks'}: masks are not used to estimate cameras" in said
+    assert f"copy them to {tmp_path / 'out' / 'masks'}" in said

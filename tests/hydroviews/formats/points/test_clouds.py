@@ -53,26 +53,23 @@ def test_doubles_are_told(tmp_path, caplog):
 
 
 @pytest.mark.parametrize(
-    "names", [("r", "g", "b"), ("Red", "Green", "Blue"), ("diffuse_red", "diffuse_green", "diffuse_blue")]
+    ("names", "change"),
+    [
+        *((names, np.copy) for names in ("r g b", "Red Green Blue", "diffuse_red diffuse_green diffuse_blue")),
+        ("f_dc_0 f_dc_1 f_dc_2", lambda colours: np.float32((colours / 255 - 0.5) * 2 * np.sqrt(np.pi))),  # Gaussians
+    ],
 )
-def test_colours_under_other_names_are_read(tmp_path, names, caplog):
-    axes = "XYZ" if names[0].istitle() else "xyz"
-    vertices = np.zeros(400, [*((axis, "f8") for axis in axes), *((name, "u1") for name in names)])
-    for i in range(3):
-        vertices[axes[i]], vertices[names[i]] = CLOUD.positions[:, i], CLOUD.colours[:, i]
+def test_colours_under_other_names_are_read(tmp_path, names, change, caplog):
+    columns = dict(zip(names.split(), change(CLOUD.colours).T, strict=True))
+    columns |= dict(zip("XYZ" if names.istitle() else "xyz", CLOUD.positions.T, strict=True))
+    vertices = np.zeros(400, [(name, column.dtype) for name, column in columns.items()])
+    for name, column in columns.items():
+        vertices[name] = column
     PlyData([PlyElement.describe(vertices, "vertex")]).write(tmp_path / "cloud.ply")
     found = read_ply(tmp_path / "cloud.ply")
     assert np.array_equal(found.positions, CLOUD.positions)
     assert np.array_equal(found.colours, CLOUD.colours)
     assert caplog.text == ""
-
-
-def test_colours_of_gaussians_are_read(tmp_path):
-    vertices = np.zeros(400, [*((axis, "f4") for axis in "xyz"), *((f"f_dc_{i}", "f4") for i in range(3))])
-    for i in range(3):
-        vertices[f"f_dc_{i}"] = (CLOUD.colours[:, i] / 255 - 0.5) * 2 * np.sqrt(np.pi)
-    PlyData([PlyElement.describe(vertices, "vertex")]).write(tmp_path / "cloud.ply")
-    assert np.array_equal(read_ply(tmp_path / "cloud.ply").colours, CLOUD.colours)
 
 
 def test_a_cloud_without_colours_is_grey_and_told(tmp_path, caplog):

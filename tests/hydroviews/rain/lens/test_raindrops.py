@@ -63,9 +63,8 @@ def test_mattes_agree_with_full_path_tracing(tmp_path, waves, lens_renderer, foc
     lens, light = camera(80, 60), to_linear(waves)
     pattern = replace(PATTERN, lens_renderer=lens_renderer, focus_blur=0.03 if focus == "scene" else 0.04, focus=focus)
     disk = focus_disk(pattern, lens)
-    traced, _ = trace(
-        lens_water(pattern, lens, 0), lens, light, 128, tmp_path, aperture_radius(disk, lens), focus=focus
-    )
+    water, aperture = lens_water(pattern, lens, 0), aperture_radius(disk, lens)
+    traced, _ = trace(water, lens, light, 128, tmp_path, aperture, focus=focus)
     matte = bake_matte(pattern, lens, tmp_path)
     seen = defocus(light, disk) if (lens_renderer, focus) == ("disk", "drops") else light
     inside = traced[..., 3] > 0.5

@@ -11,11 +11,7 @@ from hydroviews.errors import InputError
 from hydroviews.rain.effect import fall
 from hydroviews.rain.lens.effect import RaindropEffect, SharpRaindropEffect
 from hydroviews.rain.lens.optics import bake as lens_bake
-from hydroviews.rain.lens.optics.bake import (
-    bake,
-    bake_matte,
-    bake_paths,
-)
+from hydroviews.rain.lens.optics.bake import bake, bake_matte, bake_paths
 from hydroviews.rain.lens.optics.drop_bank import DropPainter, cut
 from hydroviews.rain.lens.optics.mesh import water_mesh
 from hydroviews.rain.lens.optics.path_matte import defocus
@@ -28,9 +24,7 @@ SMALL = replace(PATTERN, renewed=0.5, droplets=10, seed=2, key_frames=1, air=(1.
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"renewed": -0.1}, r"renewed drops[\s\S]*from 0 to 1"),
-        ({"renewed": 1.5}, r"renewed drops[\s\S]*from 0 to 1"),
-        ({"renewed": float("nan")}, r"renewed drops[\s\S]*from 0 to 1"),
+        *(({"renewed": share}, r"renewed drops[\s\S]*from 0 to 1") for share in (-0.1, 1.5, float("nan"))),
         ({"focus": "nothing"}, "focus of the lens"),
         ({"renewed": 0.5, "lens_renderer": "traced"}, r"traced[\s\S]*disk or aperture"),
     ],

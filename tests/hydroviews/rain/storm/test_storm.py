@@ -116,8 +116,8 @@ def test_drops_move_between_views_unless_the_storm_is_frozen(yard):
 
 
 def test_surfaces_hide_what_is_behind_them():
-    view, cloud = camera(), draw_cloud(80, 1, STILL, 0.3, UP, 4)
-    streaks = project(cloud, view, SHUTTER)
+    view = camera()
+    streaks = project(draw_cloud(80, 1, STILL, 0.3, UP, 4), view, SHUTTER)
     wall = np.full((75, 100), 1.0, np.float32)
     wall[:, 60:] = np.inf
     cover, open_air = draw(streaks, wall), draw(streaks, far(view))
@@ -149,16 +149,6 @@ def test_streaks_lean_with_the_wind(wind):
     diameters = np.sqrt(streaks[middle, 6] * 4 / np.pi) * streaks[middle, 7] / view.fx * 1000
     expected = np.arctan2(storm_drops.fall_speed(diameters), wind)
     assert np.allclose(np.arctan2(streaks[middle, 3], streaks[middle, 2]), expected, atol=1e-6)
-
-
-@pytest.mark.parametrize(("width", "height"), [(1, 1), (17, 15), (33, 1)])
-def test_tiny_pictures(width, height):
-    view = camera(width, height)
-    cover = draw(project(draw_cloud(80, 1, STILL, 0.3, UP, 4), view, SHUTTER), far(view))
-    assert cover.shape == (height, width)
-    assert np.isfinite(cover).all()
-    assert cover.max() < 1
-    assert cover.min() >= 0
 
 
 def test_up_is_told_from_level_cameras():
@@ -195,8 +185,9 @@ def test_the_same_storm_in_other_units(yard):
     points = replace(yard.points, positions=yard.points.positions * 0.1)
     other = Storm(PATTERN, replace(yard, views=small, points=points, metres_per_unit=10.0))
     clean = yard.views[2].image()
+    planes = other.layers(clean, small[2])
     for name, plane in Storm(PATTERN, yard).layers(clean, yard.views[2]).items():
-        assert np.allclose(plane, other.layers(clean, small[2])[name], atol=1e-5), name
+        assert np.allclose(plane, planes[name], atol=1e-5), name
 
 
 def test_layers_are_a_composite_in_linear_light(statistics):
@@ -249,7 +240,7 @@ def test_the_veil_grows_with_distance_and_is_mixed_at_edges(yard):
 
 def test_patterns_are_graded_and_seeded():
     storms = [[draw_pattern(generator(seed, "storm", grade), grade) for seed in range(50)] for grade in range(3)]
-    rates = [[storm.rate for storm in grade] for grade in storms]
-    assert max(rates[0]) < min(rates[1]) <= max(rates[1]) < min(rates[2])
+    light, medium, heavy = ([storm.rate for storm in grade] for grade in storms)
+    assert max(light) < min(medium) <= max(medium) < min(heavy)
     assert all(1 / 200 <= storm.exposure <= 1 / 60 for grade in storms for storm in grade)
     assert draw_pattern(generator(0, "storm", 1), 1) == storms[1][0]

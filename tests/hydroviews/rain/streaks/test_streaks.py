@@ -3,7 +3,6 @@ import pytest
 
 from hydroviews.rain.streaks import reference as streaks_reference
 from hydroviews.rain.streaks.convolution import convolve
-from hydroviews.rain.streaks.measures import streak_angle
 from hydroviews.rain.streaks.recipe import (
     GRADES,
     StreakPattern,
@@ -17,13 +16,6 @@ from hydroviews.rain.streaks.recipe import (
     supersampling,
 )
 from hydroviews.scene.seeds import generator
-
-
-@pytest.mark.parametrize("angle", [40, 60, 90, 105, 120])
-@pytest.mark.parametrize(("length", "width"), [(20, 3), (30, 5), (40, 7)])
-def test_streaks_fall_at_the_angle_asked_for(angle, length, width):
-    layer = streak_layer(StreakPattern(200, length, angle, width), 800, 600, generator(0, angle))
-    assert abs(streak_angle(layer) - angle) < 3
 
 
 @pytest.mark.parametrize("n", [100, 170.5, 700])

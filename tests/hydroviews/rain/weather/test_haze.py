@@ -3,13 +3,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rained import rained
 
 from hydroviews.errors import InputError
-from hydroviews.rain.effect import fall
 from hydroviews.rain.patterns import Pattern
-from hydroviews.rain.scene_statistics import Colour, SceneStatistics
-from hydroviews.rain.severity import wanted_harm
-from hydroviews.rain.weather import haze, reference
+from hydroviews.rain.scene_statistics import SceneStatistics
+from hydroviews.rain.weather import reference
 from hydroviews.rain.weather.haze import DEEPEST, RANGE, Haze, HazePattern
 from hydroviews.scene.depth import depth_path, write_depth
 from hydroviews.scene.images import to_uint8
@@ -24,15 +23,11 @@ def grey(view: View, value: float = 0.2) -> np.ndarray:
 
 
 def cover(extinction: float, view: View, statistics: SceneStatistics) -> np.ndarray:
-    rain = Haze().place(HazePattern(extinction, GREY_AIR), PATTERN, statistics)
-    return rain.prepare(view.camera, view.path.parent).layers(grey(view), view)["H"]
+    return in_haze(extinction, view, statistics, grey(view)).layers["H"]
 
 
-def seen(
-    extinction: float, view: View, statistics: SceneStatistics, picture: np.ndarray, air: Colour = GREY_AIR
-) -> np.ndarray:
-    rain = Haze().place(HazePattern(extinction, air), PATTERN, statistics)
-    return Haze().composite(rain.parameters, picture, fall(rain.prepare(view.camera, view.path.parent), picture, view))
+def in_haze(extinction, view, statistics, picture, air=GREY_AIR):
+    return rained(Haze(), HazePattern(extinction, air), PATTERN, statistics, view, picture)
 
 
 def with_depth(view: View, depth) -> View:
@@ -53,19 +48,17 @@ def test_cover_follows_the_distance_along_the_ray(yard, ahead):
 
 
 def test_the_composite_is_koschmieders_law(yard):
-    clean, view = yard.samples[0], yard.sampled_views[0]
-    rain = Haze().place(HazePattern(0.1, (0.9, 0.95, 1.0)), PATTERN, yard)
-    layers = fall(rain.prepare(view.camera, view.path.parent), clean, view)
-    rainy = Haze().composite(rain.parameters, clean, layers)
-    assert np.abs(rainy - reference.hazy(clean, layers["H"], rain.parameters["airlight"])).max() < 1e-6
-    assert rain.parameters["airlight"] == pytest.approx(np.array(yard.light.air) * (0.9, 0.95, 1.0), abs=1e-6)
+    clean, air = yard.samples[0], (0.9, 0.95, 1.0)
+    rainy, layers, parameters = in_haze(0.1, yard.sampled_views[0], yard, clean, air)
+    assert np.abs(rainy - reference.hazy(clean, layers["H"], parameters["airlight"])).max() < 1e-6
+    assert parameters["airlight"] == pytest.approx(np.array(yard.light.air) * air, abs=1e-6)
 
 
 def test_without_extinction_the_view_stays_to_the_byte(yard, ahead):
     for depth in (2.0, np.inf):
         with_depth(ahead, depth)
         picture = np.random.default_rng(0).random((30, 40, 3)).astype(np.float32)
-        assert np.array_equal(to_uint8(seen(0.0, ahead, yard, picture)), to_uint8(picture))
+        assert np.array_equal(to_uint8(in_haze(0.0, ahead, yard, picture).picture), to_uint8(picture))
     parameters = Haze().place(HazePattern(0.0, GREY_AIR), PATTERN, yard).parameters
     assert "visibility" not in parameters
     assert "inf" not in json.dumps(parameters, allow_nan=False)
@@ -104,15 +97,3 @@ def test_an_unknown_scale_is_estimated_and_said_to_be(yard):
     assert unknown["metres_per_unit"] == pytest.approx(1.0, rel=0.1)
     assert unknown["metres_estimated"]
     assert known["visibility"] == pytest.approx(RANGE / 0.1)
-
-
-@pytest.mark.parametrize("index", [0, 1, 2])
-def test_a_grade_does_its_harm(yard, index):
-    pattern = Pattern("haze", index)
-    drawn = Haze().draw(pattern, yard)
-    pairs = [
-        (seen(drawn.extinction, view, yard, sample, drawn.air), sample)
-        for view, sample in zip(yard.sampled_views, yard.samples, strict=True)
-    ]
-    found = np.mean([np.mean((rainy - sample) ** 2) for rainy, sample in pairs])
-    assert found == pytest.approx(wanted_harm(haze.LOSS["haze"][pattern.grade], yard), rel=0.05)

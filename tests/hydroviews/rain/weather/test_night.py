@@ -1,19 +1,16 @@
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from rained import rained
 from scipy import integrate
 
 from hydroviews.errors import InputError
-from hydroviews.rain.effect import fall
 from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.scene_statistics import Light
-from hydroviews.rain.severity import wanted_harm
 from hydroviews.rain.weather import lamps
 from hydroviews.rain.weather.dark import AmbientPattern
 from hydroviews.rain.weather.night import Evening, Lamps, Night
-from hydroviews.rain.weather.severity import LOSS
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.depth import depth_path, write_depth
 from hydroviews.scene.images import to_linear, to_srgb
@@ -31,9 +28,7 @@ EVENING = Evening(
 
 def lit(evening, picture, view, statistics):
     """A view at night and its layers."""
-    rain = Lamps().place(evening, PATTERN, statistics)
-    layers = fall(rain.prepare(view.camera, view.path.parent), picture, view)
-    return Lamps().composite(json.loads(json.dumps(rain.parameters)), picture, layers), layers
+    return rained(Lamps(), evening, PATTERN, statistics, view, picture)[:2]
 
 
 def wall(view, metres: float):
@@ -41,27 +36,24 @@ def wall(view, metres: float):
 
 
 def pixel(camera: Camera, place) -> tuple[int, int]:
-    (u, v), _ = camera.project([place])[0][0], None
+    u, v = camera.project([place])[0][0]
     return int(v), int(u)
 
 
 def test_lit_air_against_the_integral_along_the_ray(ahead):
     lamp, ways = np.array([0.3, -0.2, 2.0]), lamps.rays(ahead.camera)
     along, beside = lamps.along_and_beside(lamp, ahead.camera, ways)
-    for row, column in ((0, 0), (11, 25), (15, 20), (29, 39)):
+    for at in ((0, 0), (11, 25), (15, 20), (29, 39)):
+        assert np.linalg.norm(ways[at]) == pytest.approx(1)
+
+        def light(t, way=ways[at]):
+            return 1 / (np.sum((t * way - lamp) ** 2) + lamps.RADIUS**2)
+
         for far in (0.5, 2.0, 50.0):
-            way = ways[row, column]
-            assert np.linalg.norm(way) == pytest.approx(1)
-
-            def light(t, way=way):
-                return 1 / (np.sum((t * way - lamp) ** 2) + lamps.RADIUS**2)
-
-            exact, _ = integrate.quad(light, 0, far, points=[min(along[row, column], far)], limit=200)
-            found = lamps.air_glow(along, beside, np.full(along.shape, far))[row, column]
-            assert found == pytest.approx(exact, rel=1e-6)
-            assert lamps.illumination(along, beside, np.full(along.shape, far))[row, column] == pytest.approx(
-                light(far)
-            )
+            exact, _ = integrate.quad(light, 0, far, points=[min(along[at], far)], limit=200)
+            depth = np.full(along.shape, far)
+            assert lamps.air_glow(along, beside, depth)[at] == pytest.approx(exact, rel=1e-6)
+            assert lamps.illumination(along, beside, depth)[at] == pytest.approx(light(far))
 
 
 def test_a_lamp_has_its_place_in_the_world(yard, ahead):
@@ -80,8 +72,7 @@ def test_a_lamp_has_its_place_in_the_world(yard, ahead):
 
 
 def test_what_is_nearer_hides_lamps(yard, ahead):
-    picture = np.full((30, 40, 3), 0.5, np.float32)
-    glows = []
+    picture, glows = np.full((30, 40, 3), 0.5, np.float32), []
     for metres in (1.0, 1.9, 5.0):
         wall(ahead, metres)
         glows.append(lit(EVENING, picture, ahead, yard)[1]["G"])
@@ -115,20 +106,6 @@ def test_the_equation_of_the_night(yard, ahead):
     added = np.stack([layers[c] for c in "RGB"], axis=-1)
     expected = dark + layers["E"][..., None] * np.array(evening.colour) * light + added
     assert np.abs(night - to_srgb(expected)).max() < 1e-5
-
-
-@pytest.mark.parametrize("index", [0, 1, 2])
-def test_a_grade_does_its_harm(yard, index):
-    yard = replace(yard, metres_per_unit=5.0)  # so small a scene is all lit by its lamps
-    pattern = Pattern("night", index)
-    drawn = Night().draw(pattern, yard)
-    assert Night().draw(pattern, yard) == drawn
-    wanted = wanted_harm(LOSS["night"][pattern.grade], yard)
-    pairs = [
-        (lit(drawn["night"], sample, view, yard)[0], sample)
-        for view, sample in zip(yard.sampled_views, yard.samples, strict=True)
-    ]
-    assert np.mean([np.mean((s - c) ** 2) for s, c in pairs]) == pytest.approx(wanted, rel=0.03)
 
 
 def test_scenes_without_points(yard, ahead):

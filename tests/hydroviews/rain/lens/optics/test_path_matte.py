@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from hydroviews.errors import InputError
-from hydroviews.rain.lens.optics.path_matte import PathMatte, assemble, defocus
+from hydroviews.rain.lens.optics.path_matte import PathMatte, assemble
 
 
 def paths_from(places, throughput=1.0, shape=(5, 7), disk=0.0) -> PathMatte:
@@ -17,13 +17,13 @@ def pixel_centres(shape=(5, 7)):
 
 
 @pytest.fixture
-def picture(rng):
-    return rng.random((5, 7, 3)).astype(np.float32)
+def rng():
+    return np.random.default_rng(0)
 
 
 @pytest.fixture
-def rng():
-    return np.random.default_rng(0)
+def picture(rng):
+    return rng.random((5, 7, 3)).astype(np.float32)
 
 
 def test_paths_between_pixels_are_bilinear(picture):
@@ -51,17 +51,6 @@ def test_a_grey_picture_stays_grey_behind_defocused_drops(rng):
     matte = assemble(np.minimum(cover, 1), pixels, rng.uniform(-20, 20, (60, 2)), throughput, disk=2.6)
     grey = np.full((5, 7, 3), 0.4, np.float32)
     np.testing.assert_allclose((1 - matte.mask[..., None]) * grey + matte.apply(grey), grey, atol=1e-6)
-
-
-def test_defocus_is_a_disk_of_the_given_diameter():
-    point = np.zeros((41, 41), np.float32)
-    point[20, 20] = 1
-    spread = defocus(point, 11.0)
-    y, x = np.mgrid[-20:21, -20:21]
-    assert spread.sum() == pytest.approx(1, abs=1e-5)
-    assert np.all(spread[np.hypot(x, y) > 6.3] == 0)
-    np.testing.assert_allclose(spread[np.hypot(x, y) < 4.7], 1 / (np.pi * 5.5**2), rtol=0.02)
-    assert defocus(point, 0.9) is point
 
 
 def test_a_matte_comes_back_from_its_file(picture, tmp_path):

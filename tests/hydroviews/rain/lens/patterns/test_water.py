@@ -43,13 +43,15 @@ def test_drops_lie_apart_and_cover_what_was_asked(extent):
 
 
 def test_more_coverage_and_droplets_leave_what_is_there_in_place():
-    few = water_at(replace(PATTERN, rivulets=0, coverage=0.05, droplets=100), EXTENT, 0.0)
-    many = water_at(replace(PATTERN, rivulets=0, coverage=0.2, droplets=500), EXTENT, 0.0)
-    assert many.drops[: len(few.drops)] == few.drops
-    assert len(many.drops) > 2 * len(few.drops)
-    dry = water_at(replace(PATTERN, rivulets=0, coverage=0.0, droplets=100), EXTENT, 0.0)
-    wet = water_at(replace(PATTERN, rivulets=0, coverage=0.0, droplets=500), EXTENT, 0.0)
-    assert np.array_equal(wet.droplets[: len(dry.droplets)], dry.droplets)
+    still = replace(PATTERN, rivulets=0)
+    few, many = (
+        water_at(replace(still, coverage=share, droplets=n), EXTENT, 0.0).drops
+        for share, n in ((0.05, 100), (0.2, 500))
+    )
+    assert many[: len(few)] == few
+    assert len(many) > 2 * len(few)
+    dry, wet = (water_at(replace(still, coverage=0.0, droplets=n), EXTENT, 0.0).droplets for n in (100, 500))
+    assert np.array_equal(wet[: len(dry)], dry)
 
 
 def test_drops_grow_slowly_and_stay_where_they_are():
