@@ -1,12 +1,14 @@
-"""Masks: their start, and that they are learned view by view and place by place."""
+"""Masks: their start, and that they are learned view by view and place by place; the encoder of looks by hand."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
+from by_hand import convolved
 
-from baselines.ha_nerf.config import VisibilityConfig
+from baselines.ha_nerf.config import LookConfig, VisibilityConfig
+from baselines.ha_nerf.look import LookEncoder
 from baselines.ha_nerf.visibility import Visibility
 
 CONFIG = VisibilityConfig(code=8, octaves=4, width=16, layers=2)
@@ -39,3 +41,17 @@ def test_the_network_learns_the_mask_of_one_view_and_leaves_the_others():
     m = network(views, places)
     assert m[corner].mean() > 0.9
     assert m[views != 1].mean() < 0.15
+
+
+def test_the_look_is_that_of_its_formula():
+    network = LookEncoder(LookConfig(size=5, channels=(3, 4, 6), side=16), torch.Generator().manual_seed(0))
+    with torch.no_grad():
+        for layer in (network.entry, *network.halving):
+            layer.bias.uniform_(-0.2, 0.2, generator=torch.Generator().manual_seed(1))
+    picture = np.random.default_rng(0).uniform(-1, 1, (3, 11, 9))
+    x = np.maximum(convolved(network.entry, picture), 0)
+    for layer in network.halving:
+        x = np.maximum(convolved(layer, x), 0)
+    expected = network.exit.weight.detach().double().numpy() @ x.mean((1, 2)) + network.exit.bias.detach().numpy()
+    found = network(torch.from_numpy(picture[None]).float())[0].detach()
+    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-5)

@@ -1,17 +1,14 @@
 """Training: what it must reach, and that interruptions leave no trace."""
 
-import os
-import signal
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from trainings import CONFIG, Interrupted, assert_identical, crashed_and_resumed, psnr
+from trainings import CONFIG, assert_identical, crashed_and_resumed, psnr
 
 from baselines.gaussian_splatting import GaussianSplatting
 from baselines.splatting.rasterizer import render
 from baselines.splatting.trainer import train
-from baselines.training.images import read_images
 from baselines.training.signals import Saving
 from hydroviews.scene.images import resize_area
 
@@ -44,16 +41,6 @@ def test_training_learns_the_antialiased_scene_it_renders(scene, undisturbed, tm
         truths = [resize_area(view.image(), 12, 9) for view in scene.views]
         errors[name] = np.mean([np.mean((image - truth) ** 2) for image, truth in zip(images, truths, strict=True)])
     assert errors["antialiased"] < errors["classic"]  # from four times as far away
-
-
-def test_time_adds_up_over_sessions(scene, tmp_path):
-    objective = Interrupted(read_images(scene.train_views), 100, lambda: os.kill(os.getpid(), signal.SIGINT))
-    with pytest.raises(KeyboardInterrupt):
-        train(scene, CONFIG, 0, tmp_path, objective)
-    whole = train(scene, CONFIG, 0, tmp_path)
-    again = train(scene, CONFIG, 0, tmp_path)  # nothing left to do
-    assert_identical(whole, again)
-    assert 0 < whole.seconds <= again.seconds < whole.seconds + 1
 
 
 def test_checkpoints_that_take_long_are_written_less_often():

@@ -22,8 +22,9 @@ def no_device(monkeypatch):
     monkeypatch.setattr(nvidia, "driver_version", lambda: None)
 
 
-def test_the_environment_has_the_last_word_and_unknown_devices_are_refused(no_device, monkeypatch):
-    assert chosen_device("cpu") == "cpu"
+def test_the_environment_has_the_last_word_and_unknown_devices_are_refused(no_device, monkeypatch, caplog):
+    assert chosen_device("auto", "gsplat") == chosen_device("cpu") == "cpu"
+    assert not caplog.records  # a machine without a GPU is no reason to say anything
     with pytest.raises(InputError, match="device tpu"):
         chosen_device("tpu")
     monkeypatch.setenv("HYDROVIEWS_DEVICE", "cpu")
@@ -40,11 +41,6 @@ def test_a_gpu_is_of_no_use_without_the_package_that_is_needed_there(monkeypatch
     assert "no_such_package not installed" in caplog.text
     with pytest.raises(InputError, match="no_such_package not installed"):
         chosen_device("cuda", "no_such_package")
-
-
-def test_a_machine_without_a_gpu_is_no_reason_to_say_anything(no_device, caplog):
-    assert chosen_device("auto", "gsplat") == "cpu"
-    assert not caplog.records
 
 
 def test_a_gpu_that_torch_cannot_use_is_said_once(no_device, monkeypatch, caplog):

@@ -1,4 +1,4 @@
-"""The GPU's steps, on a pretended GPU with gsplat's kernels replayed, and the CPU's."""
+"""The GPU's steps and the CPU's: on a pretended GPU with gsplat's kernels replayed, and on a real one where there is one."""
 
 from dataclasses import replace
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from splats import BACKGROUND, camera, cloud, photographed, with_values
 
-from baselines.splatting.backends.base import CpuBackend
+from baselines.splatting.backends.base import GSPLAT, CpuBackend
 from baselines.splatting.gaussians import FIELDS
 from baselines.splatting.objective import Objective
 from baselines.splatting.rasterizer import render
@@ -15,6 +15,7 @@ from baselines.splatting.state import fresh_state
 from baselines.splatting.strategies.base import StepOptions
 from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.splatting.strategies.relocation import MCMCStrategy
+from baselines.training.devices import missing_for_cuda
 from baselines.training.images import TrainingImages, read_images
 
 
@@ -22,10 +23,8 @@ from baselines.training.images import TrainingImages, read_images
 def backends(cuda_backend, tmp_path):
     scene = photographed(tmp_path)
     objective = Objective(read_images(scene.train_views))
-    return (
-        [view.camera for view in scene.train_views],
-        [kind(objective, BACKGROUND, 0.01) for kind in (CpuBackend, cuda_backend)],
-    )
+    cameras = [view.camera for view in scene.train_views]
+    return cameras, [kind(objective, BACKGROUND, 0.01) for kind in (CpuBackend, cuda_backend)]
 
 
 @pytest.mark.parametrize("antialiased", [False, True])
@@ -127,3 +126,51 @@ def test_non_finite_ones_are_counted_and_learn_nothing(backends):
         rest = np.setdiff1d(np.arange(80), [3, 5])
         assert all(np.isfinite(value[rest]).all() for value in after.state_dict().values())
         assert np.array_equal(after.quaternions[[3, 5]], gaussians.quaternions[[3, 5]])
+
+
+@pytest.fixture
+def real(tmp_path):
+    """The cameras of a scene, and backends of the CPU and of a real GPU."""
+    if lacking := missing_for_cuda(GSPLAT):
+        pytest.skip(f"needs an NVIDIA GPU and gsplat: {lacking}")
+    from baselines.splatting.backends.cuda import CudaBackend
+
+    scene = photographed(tmp_path)
+    objective = Objective(read_images(scene.train_views))
+    cameras = [view.camera for view in scene.train_views]
+    return cameras, [kind(objective, BACKGROUND, 0.01) for kind in (CpuBackend, CudaBackend)]
+
+
+def translucent(n):
+    """Below gsplat's and our largest alpha, which differ."""
+    gaussians = cloud(n, 3)
+    np.clip(gaussians.opacity_logits, None, 1.5, out=gaussians.opacity_logits)
+    return gaussians
+
+
+def test_a_real_gpu_renders_the_same(real):
+    gaussians, (_, gpu) = translucent(300), real[1]
+    apart = np.abs(render(gaussians, camera(120, 90), BACKGROUND)[0] - gpu.render(gaussians, camera(120, 90)))
+    assert apart.mean() < 1e-4
+    assert apart.max() < 2e-2  # cut-offs at 1/255 may fall on either side
+
+
+@pytest.mark.parametrize("strategy", [DefaultStrategy(), DefaultStrategy(absolute=True), MCMCStrategy(noise=0.0)])
+def test_a_real_gpu_takes_the_same_steps(real, strategy):
+    cameras, both = real
+    states = []
+    for backend in both:
+        backend.put(fresh_state(translucent(300)))
+        losses = []
+        for iteration in range(5):
+            rates = rates_at(iteration, 100, LearningRates(), 4.0, 3)
+            view = iteration % len(cameras)
+            step_options = strategy.step_options(iteration, rates["means"], 4.0, 0)
+            losses.append(backend.step(cameras[view], view, iteration, 3, rates, step_options))
+        states.append((backend.get(5, 0.0), losses))
+    (ours, our_losses), (theirs, their_losses) = states
+    assert our_losses == pytest.approx(their_losses, rel=1e-2)
+    assert np.median(np.abs(ours.gradient_sum - theirs.gradient_sum)) <= 1e-2 * np.median(ours.gradient_sum)
+    for name in FIELDS:
+        one, two = getattr(ours.gaussians, name), getattr(theirs.gaussians, name)
+        assert np.median(np.abs(one - two)) < 1e-4, name
