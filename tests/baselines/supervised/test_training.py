@@ -55,27 +55,21 @@ def test_workers_do_not_change_the_result_and_another_seed_does(undisturbed, tmp
     assert not torch.equal(expected, weights_of(learn(tmp_path / "1", replace(CONFIG, seed=1))))
 
 
-def test_a_finished_training_is_not_trained_again(undisturbed, finished):
+def test_a_finished_training_has_a_row_a_validation_and_is_not_trained_again(undisturbed, finished):
     assert torch.equal(weights_of(undisturbed[1]), weights_of(learn(finished, until=0)))
-
-
-@pytest.mark.parametrize("changed", [{"config": replace(CONFIG, rate=1.0)}, {"data": "others"}])
-def test_a_checkpoint_of_another_training_is_refused(finished, changed):
-    with pytest.raises(InputError, match="another run"):
-        learn(finished, **changed)
-
-
-def test_a_damaged_checkpoint_is_refused(finished):
-    (finished / CHECKPOINT).write_bytes((finished / CHECKPOINT).read_bytes()[:1000])
-    with pytest.raises(InputError, match="damaged"):
-        learn(finished)
-
-
-def test_the_curve_has_a_row_a_validation(undisturbed):
-    rows = list(csv.DictReader((undisturbed[0] / CURVE).open()))
+    rows = list(csv.DictReader((finished / CURVE).open()))
     assert [int(row["step"]) for row in rows] == [3, 6]
     assert [float(row["score"]) for row in rows] == [0, 1]
     assert all(float(row["loss"]) > 0 for row in rows)
+
+
+def test_a_checkpoint_of_another_training_or_a_damaged_one_is_refused(finished):
+    for changed in ({"config": replace(CONFIG, rate=1.0)}, {"data": "others"}):
+        with pytest.raises(InputError, match="another run"):
+            learn(finished, **changed)
+    (finished / CHECKPOINT).write_bytes((finished / CHECKPOINT).read_bytes()[:1000])
+    with pytest.raises(InputError, match="damaged"):
+        learn(finished)
 
 
 def test_the_rate_rises_and_falls():

@@ -19,11 +19,6 @@ def exact(image, alpha, colour):
     return to_srgb(to_linear(image) * (1 - alpha[..., None]) + alpha[..., None] * colour)
 
 
-def test_mist_is_mixed_in_linear_light(picture):
-    image, alpha = picture
-    assert np.abs(add_mist(image, alpha, COLOUR, np.empty_like(image)) - exact(image, alpha, COLOUR)).max() < 1e-5
-
-
 def test_the_curve_is_that_of_srgb_from_black_to_beyond_white():
     """Decoded and encoded again, and light alone: every value of a picture as to_srgb and to_linear have it."""
     values = np.concatenate([np.linspace(0, 0.08, 3001), np.linspace(0.08, 1.8, 3000)]).astype(np.float32)

@@ -36,27 +36,21 @@ def occlusion_of(covers, config=CONFIG):
     return Occlusion(PretendedNetwork(covers=list(covers)), len(covers), config)
 
 
-def test_all_of_the_cover_of_drops_that_stay_recurs():
-    assert occlusion_of(staying()).recurring == pytest.approx(1, abs=1e-5)
+def test_all_of_the_cover_of_drops_that_stay_recurs_and_is_left_to_the_lines():
+    occlusion = occlusion_of(staying())
+    assert occlusion.wet
+    assert occlusion.recurring == pytest.approx(1, abs=1e-5)
+    assert occlusion.recurring_cover(3) == pytest.approx(occlusion.recurring * staying()[0], abs=1e-6)
     unsure = staying() * np.random.default_rng(0).uniform(0.5, 1, (COUNT, 1, 1)).astype(np.float32)
     assert occlusion_of(unsure).recurring > 0.9
 
 
 def test_none_of_the_cover_of_drops_that_are_new_in_every_view_recurs():
     assert np.mean([occlusion_of(renewed(seed)).recurring for seed in range(5)]) < 0.1
-    assert occlusion_of(np.zeros((COUNT, *SIZE), np.float32)).recurring == 0
-
-
-def test_a_lens_is_wet_where_drops_stay():
-    assert occlusion_of(staying()).wet
     assert not occlusion_of(renewed()).wet
-    assert not occlusion_of(np.zeros((COUNT, *SIZE), np.float32)).wet
-
-
-def test_the_cover_that_recurs_is_left_to_the_lines():
-    occlusion = occlusion_of(staying())
-    assert occlusion.recurring_cover(3) == pytest.approx(occlusion.recurring * staying()[0], abs=1e-6)
-    assert occlusion_of(np.zeros((COUNT, *SIZE), np.float32)).recurring_cover(0).max() == 0
+    nothing = occlusion_of(np.zeros((COUNT, *SIZE), np.float32))
+    assert nothing.recurring == nothing.recurring_cover(0).max() == 0
+    assert not nothing.wet
 
 
 def test_the_prior_of_drops_that_stay_falls_with_the_views_that_lines_are_fitted_to():
@@ -91,13 +85,9 @@ def test_the_prior_is_the_formula_of_the_page(size):
 
 def test_what_is_shown_falls_with_the_probability_of_a_drop_and_is_never_nothing():
     occlusion = occlusion_of(staying(0.4))
-    shown = occlusion.shown(0, SIZE, 0)
     pi = occlusion.prior(0, SIZE, 0).astype(np.float64)
-    assert shown == pytest.approx((1 - pi) / (CONFIG.cost * pi + 1 - pi), abs=1e-5)
+    assert occlusion.shown(0, SIZE, 0) == pytest.approx((1 - pi) / (CONFIG.cost * pi + 1 - pi), abs=1e-5)
     covered = occlusion_of(staying(1.0)).shown(0, SIZE, 0)[STAYS]
     assert covered == pytest.approx((1 - MOST) / (CONFIG.cost * MOST + 1 - MOST), rel=1e-3)
-
-
-def test_a_view_without_drops_is_shown_in_full():
-    assert occlusion_of(staying(LEAST_WET / 2)).shown(0, SIZE, 0) is None
+    assert occlusion_of(staying(LEAST_WET / 2)).shown(0, SIZE, 0) is None  # a view without drops is shown in full
     assert occlusion_of(staying(2 * LEAST_WET)).shown(0, SIZE, 0) is not None

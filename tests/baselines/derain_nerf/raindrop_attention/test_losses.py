@@ -17,15 +17,12 @@ from baselines.derain_nerf.raindrop_attention.losses import (
 from baselines.derain_nerf.raindrop_attention.network import DerainGenerator
 
 
-def test_later_maps_count_more():
+def test_maps_of_means_of_their_pixels_count_more_the_later_they_are():
     cover = torch.ones(1, 1, 4, 4)
     maps = [torch.full((1, 1, 2, 2), value) for value in (0.5, 0.9, 0.8)]
     assert attention_loss(maps, cover, 0.8).item() == pytest.approx(0.64 * 0.25 + 0.8 * 0.01 + 0.04)
-
-
-def test_the_map_of_a_square_is_the_mean_of_its_pixels():
-    cover = torch.tensor([[1.0, 0, 0, 0], [0, 0, 0, 0]])[None, None]
-    assert attention_loss([torch.tensor([[0.25, 0]])[None, None]], cover, 0.8).item() == 0
+    corner = torch.tensor([[1.0, 0, 0, 0], [0, 0, 0, 0]])[None, None]
+    assert attention_loss([torch.tensor([[0.25, 0]])[None, None]], corner, 0.8).item() == 0
 
 
 def test_scales_are_weighed():

@@ -1,4 +1,4 @@
-"""The GPU's steps and the CPU's: on a pretended GPU with gsplat's kernels replayed, and on a real one where there is one."""
+"""The GPU's steps and the CPU's: on a pretended GPU that replays gsplat's kernels, and on a real one."""
 
 from dataclasses import replace
 
