@@ -39,11 +39,15 @@ def losses(drops, seed=0):
 PICTURES, DROPS = drop_pictures(0)
 
 
-def taught(pictures, losses, config=ALWAYS, lessons=100, seed=0, device="cpu"):
-    masks = OcclusionMasks(TrainingImages(list(pictures)), 1000, seed, config, device=device)
+def untaught(pictures=PICTURES, config=ALWAYS, seed=0, known=None, **more):
+    return OcclusionMasks(TrainingImages(list(pictures)), 1000, seed, config, known, **more)
+
+
+def taught(pictures, losses, config=ALWAYS, lessons=100, views=None, **more):
+    """Masks that have learned from the first views, or from all of them."""
+    masks, count = untaught(pictures, config, **more), views or len(pictures)
     for i in range(lessons):
-        view = -i % len(pictures)
-        masks.learn(view, losses[view], i)
+        masks.learn(-i % count, losses[-i % count], i)
     return masks
 
 
@@ -90,7 +94,7 @@ def test_the_network_learns_the_same_on_a_gpu(pretended_gpu):
     here, there = (taught(PICTURES, losses(DROPS), lessons=12, device=device) for device in ("cpu", "cuda"))
     assert pretended_gpu.counts["uploads"] >= 12 * 3  # picture, losses and what other views lose, in every lesson
     assert there.mask(0, (HEIGHT, WIDTH)) == pytest.approx(here.mask(0, (HEIGHT, WIDTH)), abs=2 / 255)
-    again = OcclusionMasks(TrainingImages(list(PICTURES)), 1000, 1, ALWAYS, device="cuda")
+    again = untaught(seed=1, device="cuda")
     again.load_state_dict(there.state_dict())
     for masks in (there, again):
         masks.learn(0, losses(DROPS)[0], 12)
@@ -99,20 +103,15 @@ def test_the_network_learns_the_same_on_a_gpu(pretended_gpu):
 
 def test_pictures_never_seen_are_masked_alike():
     pictures, drops = drop_pictures(0, count=8)
-    images = np.concatenate([pictures, (unseen := drop_pictures(9))[0]])
-    masks = OcclusionMasks(TrainingImages(list(images)), 1000, 0, ALWAYS)
-    for i, loss in enumerate(np.tile(losses(drops), (10, 1, 1))):
-        masks.learn(i % 8, loss, i)
+    unseen, hidden = drop_pictures(9)
+    masks = taught(np.concatenate([pictures, unseen]), losses(drops), lessons=80, views=8)
     found = np.stack([masks.mask(8 + k, (HEIGHT, WIDTH)) for k in range(4)])
-    assert found[unseen[1]].mean() > found[~unseen[1]].mean() + 0.25
+    assert found[hidden].mean() > found[~hidden].mean() + 0.25
 
 
 def test_drops_that_cannot_be_seen_are_found_by_their_place_on_the_lens():
-    pictures, drops = drop_pictures(0, count=4, fixed=True)
-    masks = OcclusionMasks(TrainingImages(list(pictures)), 1000, 0, ALWAYS)
-    for i, loss in enumerate(np.tile(losses(drops)[:3], (16, 1, 1))):
-        masks.learn(i % 3, loss, i)
-    found = masks.mask(3, (HEIGHT, WIDTH))  # nothing was learned from this picture
+    pictures, drops = drop_pictures(0, fixed=True)
+    found = taught(pictures, losses(drops), lessons=48, views=3).mask(3, (HEIGHT, WIDTH))
     assert found[drops[3]].mean() > found[~drops[3]].mean() + 0.25
 
 
@@ -135,7 +134,7 @@ def test_masks_are_used_only_where_something_is_on_the_lens(fixed):
     weights = masks.weights(0, (HEIGHT, WIDTH), 9)
     assert (weights is not None) == masks.due(10) == masks.report()["used"] == fixed
     assert masks.mask(0, (HEIGHT, WIDTH)).any() == fixed
-    again = OcclusionMasks(TrainingImages(list(pictures)), 1000, 0, config)
+    again = untaught(pictures, config)
     again.load_state_dict(masks.state_dict())
     assert again.report() == masks.report()
 
@@ -147,8 +146,7 @@ def test_a_scene_that_is_fitted_is_hardly_masked():
 
 
 def test_nothing_is_masked_before_the_start_and_nothing_learnt_before_the_lessons():
-    config = MaskConfig(start=0.5, every=4, min_evidence=0)
-    masks = OcclusionMasks(TrainingImages(list(PICTURES)), 1000, 0, config)
+    masks = untaught(config=MaskConfig(start=0.5, every=4, min_evidence=0))
     before = masks.state_dict()
     masks.learn(0, losses(DROPS)[0], 299)
     assert all(value.tobytes() == before[name].tobytes() for name, value in masks.state_dict().items())
@@ -175,20 +173,16 @@ def test_pictures_of_any_sizes_learn_together(shape):
             assert ((mask >= 0) & (mask <= 1)).all()
 
 
-@pytest.mark.parametrize("value", [0.0, np.nan])
-def test_a_loss_that_says_nothing_teaches_nothing(value):
-    masks = taught(PICTURES, losses(DROPS), lessons=3)
-    before = masks.state_dict()
-    masks.learn(0, np.full((HEIGHT, WIDTH), value, np.float32), 9)
-    assert all(array.tobytes() == before[name].tobytes() for name, array in masks.state_dict().items())
-
-
-def test_broken_pixels_do_not_spoil_the_network():
+def test_a_loss_that_says_nothing_teaches_nothing_and_broken_pixels_do_not_spoil_the_network():
     broken = losses(DROPS)
     broken[:, 5, 6:9], broken[:, 7, 7] = np.nan, np.inf
     masks = taught(PICTURES, broken, lessons=3)
+    before = masks.state_dict()
     assert np.isfinite(masks.mask(0, (HEIGHT, WIDTH))).all()
-    assert all(np.isfinite(value).all() for value in masks.state_dict().values())
+    assert all(np.isfinite(value).all() for value in before.values())
+    for value in (0.0, np.nan):
+        masks.learn(0, np.full((HEIGHT, WIDTH), value, np.float32), 9)
+        assert all(array.tobytes() == before[name].tobytes() for name, array in masks.state_dict().items())
 
 
 def test_seeds_and_other_peoples_random_numbers_and_threads():
@@ -211,42 +205,40 @@ def test_settings_that_make_no_sense_are_refused(wrong):
         MaskConfig(**wrong)
 
 
+def told_once(config=ALWAYS, known=None, stays=False):
+    """Masks after one lesson, to which it is told of each view what hides it."""
+    masks = untaught(config=config, known=None if known is None else lambda view: known, stays=stays)
+    masks.learn(0, losses(DROPS)[0], 0)
+    return masks
+
+
+UNSURE = replace(ALWAYS, min_evidence=1.1)
+
+
 def test_what_is_known_to_be_hidden_is_hidden_as_well():
-    hidden = np.zeros((4, HEIGHT, WIDTH), np.float32)
-    hidden[:, 30:40, 50:60] = 0.5
-    images = TrainingImages(list(PICTURES))
-    plain, told = (OcclusionMasks(images, 1000, 0, ALWAYS, known) for known in (None, hidden.__getitem__))
-    for masks in (plain, told):
-        masks.learn(0, losses(DROPS)[0], 0)
-    before, after = (1 - masks.weights(0, (HEIGHT, WIDTH), 500) for masks in (plain, told))
+    hidden = np.zeros((HEIGHT, WIDTH), np.float32)
+    hidden[30:40, 50:60] = 0.5
+    before, after = (1 - told_once(known=known).weights(0, (HEIGHT, WIDTH), 500) for known in (None, hidden))
     np.testing.assert_allclose(after[32:38, 52:58], 0.5 + 0.5 * before[32:38, 52:58], atol=1e-3)
     np.testing.assert_array_equal(after[12:20, 12:20], before[12:20, 12:20])
-    dry = OcclusionMasks(images, 1000, 0, replace(ALWAYS, min_evidence=1.1), hidden.__getitem__)
-    dry.learn(0, losses(DROPS)[0], 0)
-    assert dry.weights(0, (HEIGHT, WIDTH), 500) is None
+    assert told_once(UNSURE, hidden).weights(0, (HEIGHT, WIDTH), 500) is None
 
 
 def test_where_drops_are_known_to_stay_losses_need_not_tell():
-    unsure = replace(ALWAYS, min_evidence=1.1)
-    hidden = np.full((HEIGHT, WIDTH), 0.5, np.float32)
-    told = OcclusionMasks(TrainingImages(list(PICTURES)), 1000, 0, unsure, lambda view: hidden, stays=True)
-    told.learn(0, losses(DROPS)[0], 0)
+    told = told_once(UNSURE, np.full((HEIGHT, WIDTH), 0.5, np.float32), stays=True)
     assert told.weights(0, (HEIGHT, WIDTH), 500).max() <= 0.5
     assert told.report()["used"]
 
 
 def test_a_mask_is_at_most_one_where_what_is_known_is_more_by_rounding():
-    rounded = np.full((HEIGHT, WIDTH), np.nextafter(np.float32(1), np.float32(2)))
-    masks = OcclusionMasks(TrainingImages(list(PICTURES)), 1000, 0, ALWAYS, lambda view: rounded, stays=True)
-    masks.learn(0, losses(DROPS)[0], 0)
+    masks = told_once(known=np.full((HEIGHT, WIDTH), np.nextafter(np.float32(1), np.float32(2))), stays=True)
     assert masks.mask(0, (HEIGHT, WIDTH)).max() == 1
     assert masks.weights(0, (HEIGHT, WIDTH), 500).min() == 0
 
 
 def test_the_typical_loss_is_of_pixels_that_are_shown():
     """Hidden ones have none, and may be most of a photograph."""
-    masks = OcclusionMasks(TrainingImages(list(drop_pictures(0)[0])), 1000, 0, ALWAYS)
-    loss = np.zeros((HEIGHT, WIDTH), np.float32)
+    masks, loss = untaught(), np.zeros((HEIGHT, WIDTH), np.float32)
     loss[:, :20] = 0.1
     masks.learn(0, loss, 0)
     assert masks.typical == pytest.approx(0.1)
