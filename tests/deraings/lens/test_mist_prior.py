@@ -52,10 +52,11 @@ def test_the_mean_of_sources_is_weighed_by_the_inverse_variances():
 
 def test_with_nothing_but_the_bound_any_mist_up_to_it_is_as_likely():
     bounds = bounds_of()
-    prior = prior_of(bounds, no_network)
-    assert prior.mean == pytest.approx(bounds.possible / 2)
-    assert prior.deviation == pytest.approx(np.maximum(bounds.possible / np.sqrt(12), LEAST), rel=1e-4)
-    assert prior.evidence.paleness is None
+    for points in (None, pale_points(points=10)):  # too few say nothing
+        prior = prior_of(bounds, no_network, points)
+        assert prior.mean == pytest.approx(bounds.possible / 2)
+        assert prior.deviation == pytest.approx(np.maximum(bounds.possible / np.sqrt(12), LEAST), rel=1e-4)
+        assert prior.evidence.paleness is None
 
 
 @pytest.mark.parametrize("alpha", [0.0, 0.3, 0.6])
@@ -67,16 +68,11 @@ def test_a_network_that_is_sure_is_followed(alpha):
 
 
 def test_the_error_of_a_network_is_that_over_photographs_and_what_photographs_share():
-    bounds = bounds_of()
-    found = prior_of(bounds, sees(0.5, 0.02)).deviation[:, 2]
-    mean = 0.5 * bounds.possible[:, 2]
-    expected = weighed_mean(
-        [
-            (mean, bounds.possible[:, 2] / np.sqrt(12)),
-            (mean, np.sqrt(0.02**2 + (NETWORK_SHARE * mean) ** 2 + NETWORK_LEAST**2)),
-        ]
-    )[1]
-    assert found == pytest.approx(expected, rel=0.02)
+    possible = bounds_of().possible[:, 2]
+    mean = 0.5 * possible
+    own = np.sqrt(0.02**2 + (NETWORK_SHARE * mean) ** 2 + NETWORK_LEAST**2)
+    expected = weighed_mean([(mean, possible / np.sqrt(12)), (mean, own)])[1]
+    assert prior_of(bounds_of(), sees(0.5, 0.02)).deviation[:, 2] == pytest.approx(expected, rel=0.02)
 
 
 def test_a_network_of_larger_error_is_followed_less():
@@ -87,15 +83,18 @@ def test_a_network_of_larger_error_is_followed_less():
     assert means[2] == pytest.approx(bounds.possible.mean() / 2, rel=0.01)
 
 
-def test_a_network_that_predicts_nothing_for_a_time_does_not_count():
-    late = lambda view: sees(0.0)(view) if view >= VIEWS // 2 else None  # noqa: E731
+def test_what_a_network_predicts_at_one_time_is_expected_then_and_nothing_for_a_time_does_not_count():
+    def late(view):
+        return sees(0.0)(view) if view >= VIEWS // 2 else None
+
+    def some(view):
+        return sees(0.0)(view) if view % 5 == 0 else None
+
+    def drying(view):
+        return sees(1.0 if view < VIEWS // 2 else 0.0)(view)
+
     assert np.array_equal(prior_of(bounds_of(), late).mean, prior_of(bounds_of(), no_network).mean)
-    some = lambda view: sees(0.0)(view) if view % 5 == 0 else None  # noqa: E731
     assert np.array_equal(prior_of(bounds_of(), some).mean, prior_of(bounds_of(), sees(0.0)).mean)
-
-
-def test_what_a_network_predicts_at_one_time_is_expected_then():
-    drying = lambda view: sees(1.0 if view < VIEWS // 2 else 0.0)(view)  # noqa: E731
     first, last = prior_of(bounds_of(), drying).mean.mean(axis=(1, 2))
     assert first > 3 * last
 
@@ -125,12 +124,6 @@ def test_fog_widens_and_never_lowers_below_no_mist():
     for prior in (clear, foggy):
         assert (prior.mean >= 0).all()
         assert prior.evidence.paleness is not None
-
-
-def test_too_few_points_say_nothing():
-    prior = prior_of(bounds_of(), no_network, pale_points(points=10))
-    assert prior.evidence.paleness is None
-    assert np.array_equal(prior.mean, prior_of(bounds_of(), no_network).mean)
 
 
 def test_no_more_is_expected_than_the_photographs_allow():

@@ -77,10 +77,7 @@ def test_points_under_drops_do_not_count():
     bounds = mist_bounds(pictures)
     points = pale_points(0.5, air=bounds.colour)
     points.colours[points.places[..., 1] > 0.8] = 128 / 255
-    wet, dry = (
-        paleness_of(replace(bounds, masks=[None] * len(pictures)), points),
-        paleness_of(bounds, points),
-    )
+    wet, dry = (paleness_of(given, points) for given in (replace(bounds, masks=[None] * len(pictures)), bounds))
     alone = replace(points, seen=points.seen & (points.places[..., 1] < 0.7))
     expected = paleness_of(bounds, alone).mist
     assert dry.mist == pytest.approx(expected, abs=0.1)
