@@ -68,7 +68,7 @@ def test_a_part_has_its_part_of_the_mist():
     assert torch.allclose(part, whole[..., 30:90, 10:50], atol=1e-5)
 
 
-def test_statistics_are_those_of_cells():
+def test_statistics_are_those_of_cells_and_a_speck_does_not_hide_mist():
     picture = pictures(1, 3)
     found = statistics(picture)[0]
     cell = picture[0, :, 16:24, 32:40]
@@ -76,12 +76,9 @@ def test_statistics_are_those_of_cells():
     assert torch.allclose(found[:3, 2, 4], cell.mean((1, 2)), atol=1e-6)
     assert torch.equal(found[6:9, 2, 4], cell.amax((1, 2)))
     assert torch.equal(found[9:12, 2, 4], cell.amin((1, 2)))
-
-
-def test_a_speck_does_not_hide_mist():
-    grey, speck = torch.full((1, 3, 128, 128), 0.5), torch.full((1, 3, 128, 128), 0.5)
+    speck = torch.full((1, 3, 128, 128), 0.5)
     speck[..., 3, 5] = 0
-    change = (statistics(speck) - statistics(grey))[0, :, 0, 0]
+    change = (statistics(speck) - statistics(torch.full_like(speck, 0.5)))[0, :, 0, 0]
     assert change[9:12].abs().max() == pytest.approx(0.5)
     assert change[12:15].abs().max() == pytest.approx(0.5 / 16)
 
@@ -140,26 +137,20 @@ def test_an_untrained_network_finds_no_mist_and_a_trained_one_what_there_is():
 
 @pytest.mark.parametrize("value", [0.0, 1.0])
 def test_flat_pictures_give_finite_gradients(value):
-    network = MistBranch(8)
-    flat = torch.full((1, 3, 40, 60), value)
+    network, flat = MistBranch(8), torch.full((1, 3, 40, 60), value)
     mist = network(flat)
     assert mist[:, 0].abs().max() <= MAX_ALPHA
-    (
-        without_mist(flat, crop_mist(mist, WHOLE, 40, 60)).sum()
-        + mist_loss(mist, squeezed(flat), squeezed(flat), torch.zeros(1, 4, 128, 128))
-    ).backward()
+    loss = mist_loss(mist, squeezed(flat), squeezed(flat), torch.zeros(1, 4, 128, 128))
+    (without_mist(flat, crop_mist(mist, WHOLE, 40, 60)).sum() + loss).backward()
     assert all(torch.isfinite(p.grad).all() for p in network.parameters())
 
 
 def test_tiles_share_the_mist_of_the_whole_picture():
-    torch.manual_seed(0)
-    network = EnhancementNetwork(TINY).requires_grad_(False)
-    torch.nn.init.normal_(network.mist.end.weight, std=0.1)
+    enhancer = Enhancer(EnhancementNetwork(TINY).requires_grad_(False), {}, "for a test")
+    torch.nn.init.normal_(enhancer.network.mist.end.weight, std=0.1)
     image = np.random.default_rng(0).random((90, 150, 3)).astype(np.float32)
-    whole = enhance(image, Enhancer(network, {}, "for a test"))
+    whole = enhance(image, enhancer)
     assert np.abs(whole - image).max() > 0.01
-    np.testing.assert_allclose(
-        enhance(image, Enhancer(network, {}, "for a test"), tile=64, overlap=16), whole, atol=1e-5
-    )
-    kept = enhance(image, Enhancer(network, {}, "for a test"), remove_mist=False)
+    np.testing.assert_allclose(enhance(image, enhancer, tile=64, overlap=16), whole, atol=1e-5)
+    kept = enhance(image, enhancer, remove_mist=False)
     np.testing.assert_allclose(kept, image, atol=1e-6)  # the rest of the network is untrained and changes nothing

@@ -60,11 +60,10 @@ def test_multiply_adds_grow_with_the_picture_and_are_those_of_the_stem():
 
 
 def test_any_size_runs_and_the_picture_is_not_shifted():
-    network = awake()
+    network, fitting = awake(), pictures(32, 64)
     assert network.multiple == 32
     for height, width in ((1, 1), (5, 70), (33, 31)):
         assert padded(network.refine, 32, pictures(height, width)).shape == (1, 3, height, width)
-    fitting = pictures(32, 64)
     assert torch.equal(padded(network.refine, 32, fitting), network.refine(fitting))
 
 

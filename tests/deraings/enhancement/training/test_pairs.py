@@ -98,8 +98,7 @@ def test_published_pairs_that_do_not_fit_are_refused(tmp_path):
 
 
 def test_a_rainy_picture_belongs_to_the_clean_one_whose_name_it_continues_furthest(tmp_path):
-    for name in ("input/1_2_3", "target/1", "target/1_2"):
-        write_png(tmp_path / f"{name}.png", np.zeros((4, 4, 3), np.float32))
+    write_pairs(tmp_path, ["input/1_2_3.png", "target/1.png", "target/1_2.png"])
     ((_, clean),) = find_pairs(tmp_path)
     assert clean.name == "1_2.png"
 
