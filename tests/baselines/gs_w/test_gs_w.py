@@ -5,11 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from disturbed import fitted
-from looks import (
-    GROWING,
-    SPLATTING,
-    true_pictures,
-)
+from looks import GROWING, SPLATTING, held_out, true_pictures
 from splats import photographed
 
 from baselines.gaussian_splatting import GaussianSplatting
@@ -25,16 +21,6 @@ from hydroviews.metrics.psnr import psnr
 from hydroviews.scene.images import write_png
 
 BRIEF = replace(SHORT, rate_maps=2e-3, rate_colour=2e-3)  # for a tenth of the iterations
-
-
-def held_out(method, scene, truth):
-    """PSNR of the held-out views after the best gain a channel and view, which a cast leaves open."""
-    scores = []
-    for view in scene.test_views:
-        image, expected = method.render(view.camera), truth[view.name]
-        gain = (image * expected).sum(axis=(0, 1)) / (image**2).sum(axis=(0, 1))
-        scores.append(psnr(np.clip(image * gain, 0, 1), expected))
-    return float(np.mean(scores))
 
 
 def test_a_colour_cast_a_view_is_told_from_the_scene(things, things_in_casts, plain, tmp_path):

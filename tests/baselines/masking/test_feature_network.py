@@ -32,7 +32,7 @@ def test_the_loss_is_zero_between_the_masks_and_pulls_p_there_from_outside():
     assert gradient.tolist() == [-1] * 3 + [0] * 5 + [1] * 3
 
 
-def test_places_are_encoded_by_octaves_of_both_axes():
+def test_places_are_encoded_by_octaves_of_both_axes_and_averaged():
     encoded = encoded_places(3, 5, 4).double().numpy()
     assert encoded.shape == (15, 16)
     y, x = 1 / 2, 3 / 4
@@ -41,6 +41,8 @@ def test_places_are_encoded_by_octaves_of_both_axes():
     expected = np.concatenate([np.sin(y * octaves), np.sin(x * octaves), np.cos(y * octaves), np.cos(x * octaves)])
     assert np.allclose(row, expected, atol=1e-6)
     assert torch.isfinite(encoded_places(1, 1, 20)).all()
+    plane = np.repeat([True, False], (2, 6))[:, None].repeat(8, axis=1)
+    assert np.allclose(averaged(plane, (2, 2)), [[0.5, 0.5], [0, 0]])  # shares under positions
 
 
 def test_what_looks_like_outliers_is_left_out_where_residuals_say_nothing():
@@ -70,9 +72,3 @@ def test_p_has_the_size_of_the_masks_and_a_state_restores_it():
     assert not np.array_equal(one, first)
     prior = MaskNetwork(photographs(), blocks, MaskNetworkConfig("vgg", prior=0.9), 0)
     assert prior.learn(0, inlier, inlier).mean() == pytest.approx(0.9, abs=0.06)
-
-
-def test_shares_under_positions_are_averages():
-    plane = np.zeros((8, 8), bool)
-    plane[:2] = True
-    assert np.allclose(averaged(plane, (2, 2)), [[0.5, 0.5], [0, 0]])

@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from splats import cloud, photographed
+from splats import photographed
 from trainings import BUDGETED, CONFIG, psnr
 
 from baselines.gaussian_splatting import GaussianSplatting
 from baselines.splatting.backends.base import CpuBackend
-from baselines.splatting.state import fresh_state, without_non_finite
 from baselines.splatting.trainer import train
 
 BAD = (("means", np.nan), ("quaternions", np.inf), ("log_scales", np.inf), ("opacity_logits", np.nan), ("sh", -np.inf))
@@ -64,8 +63,3 @@ def test_a_training_that_leaves_nothing_has_failed(tmp_path, monkeypatch):
     monkeypatch.setattr(CpuBackend, "step", step)
     with pytest.raises(FloatingPointError, match="no Gaussian is left after 2 iterations"):
         train(photographed(tmp_path), replace(CONFIG, iterations=2), 0, tmp_path / "run")
-
-
-def test_a_sound_state_stays_as_it_is():
-    state = fresh_state(cloud(10, 1))
-    assert without_non_finite(state) is state

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from trainings import CONFIG, assert_identical, crashed_and_resumed, psnr
+from disturbed import fitted
+from trainings import BUDGETED, CONFIG, assert_identical, crashed_and_resumed, psnr
 
 from baselines.gaussian_splatting import GaussianSplatting
 from baselines.splatting.rasterizer import render
@@ -18,9 +19,11 @@ def undisturbed(scene, tmp_path_factory):
     return train(scene, CONFIG, 0, tmp_path_factory.mktemp("run"))
 
 
-def test_a_synthetic_scene_is_learned(scene, tmp_path):
-    method = GaussianSplatting(replace(CONFIG, iterations=500), 0)
-    method.fit(scene, tmp_path)
+@pytest.mark.parametrize("config", [CONFIG, BUDGETED], ids=["densification", "relocation"])
+def test_a_synthetic_scene_is_learned_within_the_budget(scene, tmp_path, config):
+    method = fitted(GaussianSplatting, replace(config, iterations=500), scene, tmp_path)
+    assert method.summary().n_primitives <= 150
+    assert config is CONFIG or method.summary().n_primitives == 150
     assert psnr(method, scene.train_views) > 30
     assert psnr(method, scene.test_views) > 26
 

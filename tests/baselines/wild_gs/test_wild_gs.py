@@ -6,13 +6,7 @@ import numpy as np
 import pytest
 import torch
 from disturbed import fitted
-from looks import (
-    BRIEF,
-    GROWING,
-    SPLATTING,
-    cast,
-    true_pictures,
-)
+from looks import BRIEF, GROWING, SPLATTING, cast, held_out, true_pictures, whole
 from splats import cloud, photographed
 
 from baselines.gaussian_splatting import GaussianSplatting
@@ -25,22 +19,10 @@ from baselines.wild_gs.config import SHORT
 from baselines.wild_gs.mean_look import mean_look
 from baselines.wild_gs.method import WildGS, WildGSConfig
 from baselines.wild_gs.triplane import CHANNELS
-from hydroviews.metrics.psnr import psnr
 from hydroviews.scene.images import write_png
 
 # Where light differs and nothing comes and goes: masks would take casts for that.
 LIGHT = replace(BRIEF, absent=0.0, visible_from=2.0)
-
-
-def held_out(method, scene, truth, parts):
-    """PSNR of the held-out views, after the best gains of each of their parts, which a cast on it leaves open."""
-    scores = []
-    for view in scene.test_views:
-        image, expected = method.render(view.camera).copy(), truth[view.name]
-        for part in parts(view.camera):
-            image[part] *= (image[part] * expected[part]).sum(axis=0) / (image[part] ** 2).sum(axis=0)
-        scores.append(psnr(np.clip(image, 0, 1), expected))
-    return float(np.mean(scores))
 
 
 def things_lit():
@@ -56,11 +38,6 @@ def cast_on_a_part(scene):
         colours = np.maximum(0.5 + C0 * things.sh[:, 0], 0).astype(np.float32)
         colours[lit] *= np.exp(rng.normal(-0.5, 0.4, 3)).astype(np.float32)
         write_png(view.path, np.clip(render(things.coloured(colours), view.camera)[0], 0, 1))
-
-
-def whole(camera):
-    """All of a picture as one part [1, H, W]."""
-    return np.ones((1, camera.height, camera.width), bool)
 
 
 def lit_or_not(camera):

@@ -199,12 +199,6 @@ def test_seeds_and_other_peoples_random_numbers_and_threads():
     assert any(value.tobytes() != other[name].tobytes() for name, value in one.items())
 
 
-@pytest.mark.parametrize("wrong", [{"start": 0}, {"every": 0}, {"regularisation": 0}])
-def test_settings_that_make_no_sense_are_refused(wrong):
-    with pytest.raises(ValueError, match=r"start|regularisation"):
-        MaskConfig(**wrong)
-
-
 def told_once(config=ALWAYS, known=None, stays=False):
     """Masks after one lesson, to which it is told of each view what hides it."""
     masks = untaught(config=config, known=None if known is None else lambda view: known, stays=stays)

@@ -55,17 +55,6 @@ def test_gsplat_lets_one_gaussian_cover_more(cuda_backend):
     assert middle == pytest.approx(0.001, abs=2e-5)  # of the background shows; ours ends at 0.01
 
 
-def test_a_step_uploads_the_camera_and_rates_alone(backends, pretended_gpu):
-    cameras, (_, backend) = backends
-    backend.put(fresh_state(cloud(80, 2)))
-    for iteration in range(3):
-        pretended_gpu.counts.clear()
-        rates = rates_at(iteration, 100, LearningRates(), 4.0, 2)
-        backend.step(cameras[0], 0, iteration, 2, rates, DefaultStrategy().step_options(iteration, 0.1, 4.0, 0))
-    uploads = 1 + 1  # the camera, and the rate of the positions, the only one that is another in every step
-    assert pretended_gpu.counts == {"kernels": 8, "uploads": uploads, "downloads": 1}  # of the loss
-
-
 MCMC = MCMCStrategy(noise=0.0, opacity_penalty=1.0, scale_penalty=1.0)
 
 

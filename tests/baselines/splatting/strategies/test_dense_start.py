@@ -80,12 +80,9 @@ def test_a_cloud_above_the_budget_is_thinned_evenly_and_said_so(caplog):
     assert np.quantile(gaps, 0.99) < np.quantile(random, 0.99)  # no holes, as a sample has them
 
 
-def test_a_cloud_within_the_budget_keeps_its_bits():
+def test_a_cloud_within_the_budget_keeps_its_bits_and_random_points_keep_to_it_too():
     within, plain = (initialise(cloud_of(150), CAMERAS, 1, 0, budget=budget).state_dict() for budget in (150, None))
     assert all(np.array_equal(within[name], value) for name, value in plain.items())
-
-
-def test_random_points_keep_to_the_budget_too():
     assert len(initialise(cloud_of(90), CAMERAS, 1, 0, budget=1_000)) == 600
 
 

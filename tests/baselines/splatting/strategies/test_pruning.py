@@ -54,15 +54,6 @@ def test_the_smallest_weights_go_with_all_that_is_known_of_them(pruning, kept):
     assert np.array_equal(after.gaussians.sh, state.gaussians.sh[list(kept)])
 
 
-def test_a_budget_is_reached_in_equal_parts():
-    pruning, state, counts = Pruning(at=(0.2, 0.5, 0.6), budget=3), fresh_state(cloud(13, 0)), []
-    for iteration in (i for i in range(100) if pruning.due(i, 100)):
-        weights = np.random.default_rng(iteration).random(len(state.gaussians))
-        state = prune(state, weights, pruning, pruning.left(iteration, 100))
-        counts.append(len(state.gaussians))
-    assert counts == [9, 6, 3]
-
-
 @pytest.mark.parametrize("config", [CONFIG, BUDGETED], ids=["densification", "relocation"])
 def test_a_trained_scene_is_pruned(scene, tmp_path, config):
     whole = train(scene, config, 0, tmp_path / "whole")

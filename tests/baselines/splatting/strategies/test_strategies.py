@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 import torch
 from splats import camera, cloud, with_values
-from trainings import BUDGETED, CONFIG, DENSIFY, psnr
+from trainings import CONFIG, DENSIFY
 
-from baselines.gaussian_splatting import GaussianSplatting
 from baselines.splatting.backends.torch_ops import penalty_gradient, position_moves
 from baselines.splatting.gaussians import FIELDS
 from baselines.splatting.kernels.mcmc import GATE
@@ -29,7 +28,7 @@ from baselines.splatting.strategies.relocation import (
     shared,
 )
 from baselines.splatting.trainer import train
-from baselines.splatting_profiles import pruned_to_budget, with_iterations
+from baselines.splatting_profiles import pruned_to_budget
 from hydroviews.scene.quaternions import rotation_matrices
 
 
@@ -180,23 +179,6 @@ def test_steps_do_not_depend_on_the_number_of_threads():
         add_noise(gaussians, step_options.noise, np.empty((1000, 3), np.float32))
         results.append((gaussians.means.tobytes(), gradients.log_scales.tobytes(), gradients.opacity_logits.tobytes()))
     assert results[0] == results[1]
-
-
-def test_a_synthetic_scene_is_learnt_within_the_budget(scene, tmp_path):
-    method = GaussianSplatting(replace(BUDGETED, iterations=500), 0)
-    method.fit(scene, tmp_path)
-    assert method.summary().n_primitives == 150
-    assert psnr(method, scene.train_views) > 30
-    assert psnr(method, scene.test_views) > 26
-
-
-def test_relocation_is_scheduled_as_densification_is():
-    relocation = replace(GaussianSplatting.configuration("quick"), strategy=MCMCStrategy(stop=9000, budget=60_000))
-    half = with_iterations(relocation.iterations // 2, relocation)
-    assert half.strategy == MCMCStrategy(stop=4500, budget=60_000)
-    pruned = pruned_to_budget(1000, relocation)
-    assert pruned.strategy == MCMCStrategy(stop=round(0.24 * pruned.iterations), budget=1500)
-    assert pruned.pruning.budget == 1000
 
 
 def test_a_budget_is_exceeded_early_and_kept_in_the_end(scene, tmp_path):
