@@ -10,7 +10,7 @@ from trainings import CONFIG, Interrupted, psnr
 from baselines.gaussian_splatting import GaussianSplatting
 from baselines.splatting.objective import Objective
 from baselines.splatting.rasterizer import render
-from baselines.splatting.schedule import shrink_at, shrunk
+from baselines.splatting.schedule import shrunk
 from baselines.splatting.trainer import train
 from baselines.training.images import TrainingImages, read_images
 from hydroviews.scene.cameras import Camera
@@ -21,11 +21,6 @@ COARSE = replace(CONFIG, resolutions=((0.25, 4), (0.25, 2)))
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory):
     return photographed(tmp_path_factory.mktemp("scene"), 12, 50, 38)
-
-
-def test_when_images_are_small():
-    assert [shrink_at(i, 100, COARSE.resolutions) for i in (0, 24, 25, 49, 50, 99)] == [4, 4, 2, 2, 1, 1]
-    assert shrink_at(0, 100, ()) == 1
 
 
 def test_small_cameras_see_the_same():

@@ -45,16 +45,14 @@ def test_the_sky_lies_behind_the_scene_and_in_view(tmp_path):
     assert with_sky(scene, bounds, 0) is scene
 
 
-def test_points_that_are_no_numbers_do_not_move_the_bounds(tmp_path):
+def test_points_that_are_no_numbers_do_not_move_the_bounds_and_few_have_those_of_the_cameras_and_no_sky(tmp_path):
     scene = photographed(tmp_path, n_views=3)
     positions = np.concatenate([scene.points.positions, [[np.nan, 0, 0]]])
-    broken = replace(scene, points=Points(positions, np.zeros((len(positions), 3), np.uint8)))
+    broken, few = (
+        replace(scene, points=Points(given, np.zeros((len(given), 3), np.uint8)))
+        for given in (positions, positions[:9])
+    )
     assert np.array_equal(bounds_of(broken).centre, bounds_of(scene).centre)
-
-
-def test_a_scene_of_few_points_has_the_cameras_bounds_and_no_sky(tmp_path):
-    scene = photographed(tmp_path, n_views=3)
-    few = replace(scene, points=Points(scene.points.positions[:9], scene.points.colours[:9]))
     bounds = bounds_of(few)
     assert bounds.radius > 1
     assert with_sky(few, bounds, 500) is few

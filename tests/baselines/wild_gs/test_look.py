@@ -41,8 +41,8 @@ def opaque(count=200):
     return replace(gaussians, opacity_logits=np.full(count, 3, np.float32))
 
 
-def shown(appearance, gaussians=None, view=0):
-    return AppearanceGaussians(with_appearance(gaussians or opaque(), appearance), appearance, VIEW, view, 1)
+def shown(appearance, view=0):
+    return AppearanceGaussians(with_appearance(opaque(), appearance), appearance, VIEW, view, 1)
 
 
 def test_colours_are_what_the_layers_say_of_codes_and_intrinsic_numbers():
@@ -83,15 +83,17 @@ def test_gradients_reach_the_gaussians_colours_and_numbers_every_network_and_no_
     assert lazy in ([], ["outside"])  # what is in sight may all be within the box
 
 
+def parameters_of(appearance):
+    return {name: torch.from_numpy(v) for name, v in with_appearance(opaque(), appearance).state_dict().items()}
+
+
 def test_the_look_of_a_place_is_that_of_the_pixels_there():
     """Half of a photograph turns red: so do about half of the places on the planes, and the others stay as they are."""
     pixels = np.full((2, HEIGHT, WIDTH, 3), 128, np.uint8)
     pixels[1, :, : WIDTH // 2] = (255, 0, 0)
-    appearance, gaussians = restless(appearance_of(pixels=pixels)), opaque()
-    parameters = {k: torch.from_numpy(v) for k, v in with_appearance(gaussians, appearance).state_dict().items()}
-    everything = torch.ones(8, 11)
+    appearance, everything = restless(appearance_of(pixels=pixels)), torch.ones(8, 11)
     with torch.no_grad():
-        before, after = (appearance.pictures(view, everything, parameters, VIEW) for view in (0, 1))
+        before, after = (appearance.pictures(v, everything, parameters_of(appearance), VIEW) for v in (0, 1))
     changed = (before != after).any(dim=1)
     assert 0.3 < float(changed.sum() / (before[:, [3, 7]] > 0).any(dim=1).sum()) < 0.7
     assert torch.equal(before[:, 3], after[:, 3])  # the points are the same, their colours are not
@@ -100,12 +102,10 @@ def test_the_look_of_a_place_is_that_of_the_pixels_there():
 def test_what_is_masked_or_hidden_is_not_lifted():
     ignored = np.zeros((HEIGHT, WIDTH), bool)
     ignored[:, :20] = True
-    gaussians = opaque()
 
     def points(visible, hidden=()):
         appearance = appearance_of(ignored=hidden)
-        parameters = {k: torch.from_numpy(v) for k, v in with_appearance(gaussians, appearance).state_dict().items()}
-        return float((appearance.pictures(0, visible, parameters, VIEW)[:, 3] > 0).float().sum())
+        return float((appearance.pictures(0, visible, parameters_of(appearance), VIEW)[:, 3] > 0).float().sum())
 
     all_seen, half, nothing = torch.ones(8, 11), torch.ones(8, 11), torch.full((8, 11), 0.4)
     half[:, 5:] = 0.4

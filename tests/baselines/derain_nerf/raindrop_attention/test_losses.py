@@ -52,20 +52,16 @@ def test_the_same_picture_is_perceived_the_same(network):
     assert 0 < near < far
 
 
-@pytest.mark.parametrize(
-    "clean", [torch.rand(1, 3, 48, 48), torch.zeros(1, 3, 48, 48), torch.ones(1, 3, 48, 48)], ids=["same", "0", "1"]
-)
-def test_gradients_are_finite_where_nothing_is_to_be_done(clean):
-    torch.manual_seed(0)
+@pytest.mark.parametrize("level", [None, 0, 1])
+def test_gradients_are_finite_where_nothing_is_to_be_done(level):
+    clean = torch.rand(1, 3, 48, 48) if level is None else torch.full((1, 3, 48, 48), float(level))
     generator, discriminator = DerainGenerator(GENERATOR), Discriminator(DISCRIMINATOR)
     found = generator(clean)
     judged = discriminator(found.frames.whole)
-    cover = torch.zeros_like(clean[:, :1])
-    losses = generator_losses(found, clean, cover, judged, TRAINING.losses)
+    losses = generator_losses(found, clean, torch.zeros_like(clean[:, :1]), judged, TRAINING.losses)
     assert losses.scales.item() == losses.perceptual.item() == 0
     losses.total(TRAINING.losses).backward()
     judged = discriminator(found.frames.whole.detach())
     discriminator_loss(judged, discriminator(clean), found.maps[-1].detach(), 0.05).backward()
-    for parameter in (*generator.parameters(), *discriminator.parameters()):
-        assert parameter.grad is not None
-        assert torch.isfinite(parameter.grad).all()
+    gradients = [parameter.grad for network in (generator, discriminator) for parameter in network.parameters()]
+    assert all(gradient is not None and torch.isfinite(gradient).all() for gradient in gradients)

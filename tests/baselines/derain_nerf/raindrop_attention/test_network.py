@@ -24,20 +24,20 @@ def random_generator(config: GeneratorConfig = GENERATOR) -> DerainGenerator:
 
 @pytest.mark.parametrize(("height", "width"), [(37, 53), (48, 64), (1, 1), (3, 130)])
 def test_any_size_gives_maps_and_pictures_in_range(height, width):
-    found = detect(picture(height, width), random_generator())
+    image = picture(height, width)
+    found = detect(image, random_generator())
     assert found.attention.shape == (height, width)
     assert found.derained.shape == (height, width, 3)
     assert 0 < found.attention.min() <= found.attention.max() < 1
-    assert found.derained.min() >= 0
-    assert found.derained.max() <= 1
+    assert 0 <= found.derained.min() <= found.derained.max() <= 1
+    untrained = detect(image, DerainGenerator(GENERATOR))  # which changes nothing before it has learned
+    np.testing.assert_array_equal(untrained.derained, image)
 
 
-@pytest.mark.parametrize(
-    ("image", "message"), [(np.zeros((4, 4)), "shape"), (np.full((4, 4, 3), np.nan), "finite")], ids=["flat", "NaN"]
-)
-def test_what_is_no_picture_is_refused(image, message):
-    with pytest.raises(ValueError, match=message):
-        detect(image.astype(np.float32), random_generator())
+def test_what_is_no_picture_is_refused():
+    for image, message in ((np.zeros((4, 4), np.float32), "shape"), (np.full((4, 4, 3), np.nan, np.float32), "finite")):
+        with pytest.raises(ValueError, match=message):
+            detect(image, random_generator())
 
 
 @pytest.mark.parametrize("stride", [1, 2])
@@ -46,11 +46,6 @@ def test_every_look_gives_a_map_and_there_are_three_resolutions(stride):
     maps, frames = DerainGenerator(config)(torch.rand(2, 3, 32, 48))
     assert [tuple(a.shape) for a in maps] == [(2, 1, 32 // stride, 48 // stride)] * 3
     assert [tuple(f.shape[2:]) for f in frames] == [(8, 12), (16, 24), (32, 48)]
-
-
-def test_small_changes_nothing_before_it_has_learned():
-    image = picture(40, 36)
-    np.testing.assert_array_equal(detect(image, DerainGenerator(GENERATOR)).derained, image)
 
 
 def test_the_memory_of_a_single_pixel_is_the_cell_of_torch():
