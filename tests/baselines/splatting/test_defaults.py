@@ -16,12 +16,7 @@ from baselines.splatting.strategies.initialisation import INITIAL_OPACITY, LARGE
 from hydroviews.scene.scenes import Points
 
 # Of the authors' classic release: arguments/__init__.py, train.py, scene/gaussian_model.py.
-PUBLISHED_TRAINING = {
-    "iterations": 30_000,
-    "sh_degree": 3,
-    "sh_degree_interval": 1000,
-    "lambda_dssim": 0.2,
-}
+PUBLISHED_TRAINING = {"iterations": 30_000, "sh_degree": 3, "sh_degree_interval": 1000, "lambda_dssim": 0.2}
 PUBLISHED_RATES = {
     "means": 0.00016,
     "means_final": 0.0000016,

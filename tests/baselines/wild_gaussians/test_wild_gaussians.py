@@ -24,9 +24,7 @@ GROWTH = DefaultStrategy(
 SPLATTING = TrainerConfig(iterations=240, sh_degree=0, strategy=GROWTH, device="cpu")
 QUICK_APPEARANCE = AppearanceConfig(width=16, scale=0.3, rate=5e-3, view_rate=2e-2)
 CONFIG = WildConfig(
-    SPLATTING,
-    QUICK_APPEARANCE,
-    UncertaintyConfig("alexnet", start=60, warm_up=20, protected=0, rate=1e-2, every=2),
+    SPLATTING, QUICK_APPEARANCE, UncertaintyConfig("alexnet", start=60, warm_up=20, protected=0, rate=1e-2, every=2)
 )
 BRIEF = replace(CONFIG, splatting=replace(SPLATTING, iterations=16, checkpoint_seconds=0.0), sky=50)
 

@@ -10,15 +10,7 @@ from deraings.lens.mist_prior import NetworkMist
 from deraings.lens.paleness import mist_evidence
 from deraings.rain_model.config import MistConfig
 from deraings.rain_model.kernels import add_mist
-from deraings.rain_model.mist import (
-    FINAL_RATE,
-    MOST_ALPHA,
-    NOISE,
-    Mist,
-    MistGradient,
-    difference_gradient,
-    spreading,
-)
+from deraings.rain_model.mist import FINAL_RATE, MOST_ALPHA, NOISE, Mist, MistGradient, difference_gradient, spreading
 
 AIR = np.array([0.55, 0.6, 0.65], np.float32)
 STEPS, COUNT = 400, 10
