@@ -5,6 +5,7 @@ import numpy as np
 import panorama
 import pytest
 from pretended_network import PretendedNetwork
+from rain_steps import assert_same_steps, resumed, steps
 
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.objective import Objective
@@ -36,27 +37,10 @@ def objective_of(scene, config=EAGER, **more):
     return RainObjective(TrainingImages(panorama.eight_bit(scene)), STEPS, config, **more)
 
 
-def steps(objective, images, first, last):
-    """Losses and gradients of some steps."""
-    buffers, out = BufferPool(), []
-    for step in range(first, last):
-        view = step % len(images)
-        loss, gradient = objective(images[view], view, step, buffers)
-        out.append((loss, gradient.copy()))
-    return out
-
-
-def assert_same(found, expected):
-    """Losses and gradients are, to the bit."""
-    for (loss, gradient), (other, g) in zip(found, expected, strict=True):
-        assert loss == other
-        assert np.array_equal(gradient, g)
-
-
 def test_without_any_rain_to_look_for_it_is_the_plain_loss():
     scene = scene_of(4)
     plain, ours = Objective(TrainingImages(panorama.eight_bit(scene))), objective_of(scene, NOTHING)
-    assert_same(steps(ours, renders(scene), 0, 4), steps(plain, renders(scene), 0, 4))
+    assert_same_steps(steps(ours, renders(scene), 0, 4), steps(plain, renders(scene), 0, 4))
 
 
 def rainy(objective, even=0.1, mist=0.3):
@@ -100,14 +84,7 @@ def test_behind_falling_rain_mist_learns_from_differences_alone(even):
 def test_training_taken_up_again_goes_on_the_same():
     """All of it: mist's steps of Adam, which are not those of the training, as well."""
     scene = scene_of(14)
-    images = renders(scene)
-    whole, first, second = (objective_of(scene) for _ in range(3))
-    everything = steps(whole, images, 0, STEPS)
-    steps(first, images, 0, 30)
-    second.load_state_dict({name: value.copy() for name, value in first.state_dict().items()})
-    assert_same(steps(second, images, 30, STEPS), everything[30:])
-    assert all(np.array_equal(value, second.state_dict()[name]) for name, value in whole.state_dict().items())
-    assert second.report() == whole.report()
+    resumed(*(objective_of(scene) for _ in range(3)), renders(scene), 30, STEPS)
 
 
 def test_pixels_that_are_not_finite_teach_nothing():
@@ -132,7 +109,7 @@ def test_hidden_pixels_of_the_photographs_teach_nothing():
     changed = renders(scene)
     changed[:, :10] = 0.9
     found = trained(changed)
-    assert_same(found, trained(renders(scene)))
+    assert_same_steps(found, trained(renders(scene)))
     assert not any(gradient[:10].any() for _, gradient in found)
 
 
