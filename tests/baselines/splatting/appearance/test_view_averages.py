@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 import torch
 from splats import camera, cloud
 
@@ -60,5 +61,7 @@ def test_linear_parts_are_those_side_by_side_with_their_gradients():
     learned = [*parts, *linear.parameters()]
     gradients = (torch.autograd.grad(values, learned, pull) for values in (said, expected))
     assert all(torch.allclose(found, true) for found, true in zip(*gradients, strict=True))
+    with pytest.raises(ValueError, match="5 numbers for a layer of 9"):
+        linear_of_parts(linear, *parts[:2])
     zeros = torch.zeros(5, 7, dtype=torch.float64)  # a number stands for a part of them
     assert torch.allclose(linear_of_parts(linear, parts[0], 7), linear(torch.cat([parts[0], zeros], dim=1)))
