@@ -1,5 +1,7 @@
-"""Which device is chosen, and what is said where it is not the one that was hoped for."""
+"""Which device is chosen, and what is said where it is not the one that was hoped for; torch's number of threads."""
 
+import os
+import subprocess
 import sys
 
 import pytest
@@ -82,3 +84,28 @@ def test_the_profile_for_a_gpu_is_warned_of_on_the_cpu(no_device, monkeypatch, c
         warn_of_slow_profile("paper")
     assert [record.levelname for record in caplog.records] == ["WARNING"]
     assert "paper is made for a GPU" in caplog.text
+
+
+CODE = """
+import torch
+from baselines.training.torch_state import one_thread
+
+with one_thread():
+    import numba
+
+    @numba.njit(parallel=True)
+    def count(n):
+        total = 0
+        for i in numba.prange(n):
+            total += i
+        return total
+
+    assert count(10) == 45
+    print(torch.get_num_threads())
+"""
+
+
+def test_threads_that_numba_starts_leave_torch_with_one():
+    environment = {**os.environ, "NUMBA_NUM_THREADS": "2", "OMP_NUM_THREADS": "2"}
+    found = subprocess.run([sys.executable, "-c", CODE], env=environment, capture_output=True, text=True, check=True)
+    assert found.stdout.split() == ["1"]

@@ -1,13 +1,14 @@
-"""Grids of rays in one photograph: inside it, regular, everywhere in the long run; views in turn; their pixels."""
+"""Grids of rays in photographs: inside, regular, everywhere in the long run; what networks see of photographs."""
 
 import balls
 import numpy as np
 import pytest
 import torch
 
-from baselines.training.images import read_images
+from baselines.training.images import TrainingImages, read_images
 from baselines.volumetric.rays.batches import TrainingPixels
 from baselines.volumetric.rays.grids import grid, grids, side_of_grids, views_in_turn
+from baselines.volumetric.rays.photographs import as_seen, rays_of_the_mean, small_pictures
 from baselines.volumetric.rays.rays import camera_rays
 from baselines.volumetric.rays.spaces import Contracted
 from hydroviews.scene.seeds import generator
@@ -79,3 +80,24 @@ def test_rays_that_make_no_square_are_refused():
     for photographs in (0, 2, 300):
         with pytest.raises(ValueError, match=f"256 rays a step in {photographs} photographs"):
             side_of_grids(256, photographs)
+
+
+def test_what_is_hidden_of_a_picture_is_not_seen():
+    hidden = np.zeros((240, 320), bool)
+    hidden[:, 100:200] = True
+    looks = []
+    for value in (0, 255):
+        picture = np.full((240, 320, 3), 100, np.uint8)
+        picture[hidden] = value
+        looks.append(small_pictures(TrainingImages([picture], [hidden]), 16))
+    assert torch.equal(*looks)
+    assert looks[0].max() == 100
+    np.testing.assert_allclose(as_seen(torch.tensor([0, 255], dtype=torch.uint8)), [-1, 1])
+
+
+@pytest.mark.parametrize("share", [0.0, 0.25, 0.3, 0.5, 1.0])
+def test_rays_of_the_mean_look_are_a_share_spread_evenly(share):
+    chosen = rays_of_the_mean(1000, share, torch.device("cpu"))
+    assert abs(int(chosen.sum()) - 1000 * share) <= 1
+    parts = chosen.view(10, 100).sum(1)
+    assert int(parts.max() - parts.min()) <= 1

@@ -1,4 +1,4 @@
-"""Initial Gaussians, growth and pruning."""
+"""Initial Gaussians, growth and pruning; the random numbers that they draw."""
 
 from dataclasses import replace
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from splats import camera, cloud, with_values
 
-from baselines.splatting.schedule import LearningRates, rates_at, sh_degree_at, view_at
+from baselines.splatting.schedule import LearningRates, Stream, random_stream, rates_at, sh_degree_at, view_at
 from baselines.splatting.state import fresh_state
 from baselines.splatting.strategies.densification import (
     DefaultStrategy,
@@ -176,3 +176,13 @@ def test_all_rates_fall_faster_in_the_end():
         assert expected.keys() == found.keys()
         for name, value in found.items():
             assert np.allclose(value, factor * np.asarray(expected[name]), rtol=1e-5, atol=0), name
+
+
+NAMES = ["VIEW_ORDER", "SPLITTING", "RELOCATION", "NOISE", "DROPOUT", "ABSENCE", "INLIERS", "LAYERS", "START"]
+
+
+@pytest.mark.parametrize(("number", "name"), enumerate(NAMES, 1))
+def test_numbers_are_those_of_earlier_runs(number, name):
+    for seed, index in ((0, 7), (3, 5)):
+        expected = np.random.default_rng((seed, number, index)).random()
+        assert random_stream(seed, Stream[name], index).random() == expected
