@@ -71,12 +71,6 @@ def test_an_occluder_does_not_change_the_depth_from_behind():
     alone, occluded = both({FAR: 1}, elsewhere=1e-3), both({NEAR: 1, FAR: 1}, elsewhere=1e-3)
     assert alone == pytest.approx((0.8, 0.8), abs=0.02)
     assert occluded == pytest.approx((0.085, 0.8), abs=0.02)
-    # What the public code does: the last interval counts from behind as well.
-    lengths = torch.full((1, SAMPLES), 1 / SAMPLES, dtype=torch.float64)
-    lengths[:, -1] = INFINITE
-    density = torch.full_like(lengths, 1e-3)
-    density[0, FAR] = 1e12
-    assert float(depth_from_behind(density, lengths, middles(EDGES, FORWARD, True), False)) == pytest.approx(1)
 
 
 def test_thin_matter_behind_opaque_matter_is_not_lost():

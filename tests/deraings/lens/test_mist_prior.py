@@ -77,14 +77,6 @@ def test_the_error_of_a_network_is_that_over_photographs_and_what_photographs_sh
     assert prior_of(bounds_of(), sees(0.5, 0.02)).deviation[:, 2] == pytest.approx(expected, rel=0.02)
 
 
-def test_a_network_of_larger_error_is_followed_less():
-    bounds = bounds_of()
-    means = [prior_of(bounds, sees(0.0, error)).mean.mean() for error in (0.0, 0.05, 5.0)]
-    assert means == sorted(means)
-    assert means[0] < 0.2 * means[2]
-    assert means[2] == pytest.approx(bounds.possible.mean() / 2, rel=0.01)
-
-
 def test_what_a_network_predicts_at_one_time_is_expected_then_and_nothing_for_a_time_does_not_count():
     def late(view):
         return sees(0.0)(view) if view >= VIEWS // 2 else None
@@ -172,12 +164,6 @@ def test_mist_is_told_from_fog(mist, fog, upright, drops):
     # Deviations are taken for shares of what mist has left: it is 0.2 in the mean.
     assert found.mist == pytest.approx(mist / (1 - 0.2 * mist), abs=0.1 + 0.2 * fog)
     assert found.fog == pytest.approx(fog * np.log(2) * TYPICAL_DEPTH, rel=0.25, abs=0.03)
-
-
-def test_without_depths_fog_is_mist():
-    blind = pale_points(mist=0.0, fog=1.0, upright=0.9)
-    blind.depths[:] = np.random.default_rng(1).permuted(blind.depths, axis=1)
-    assert fitted(blind).mist > 0.5
 
 
 def test_the_standard_error_falls_with_the_root_of_the_number_of_points_and_grows_with_noise():

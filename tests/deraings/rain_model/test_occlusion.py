@@ -53,34 +53,17 @@ def test_none_of_the_cover_of_drops_that_are_new_in_every_view_recurs():
     assert not nothing.wet
 
 
-def test_the_prior_of_drops_that_stay_falls_with_the_views_that_lines_are_fitted_to():
-    occlusion = occlusion_of(staying())
-    inside = [occlusion.prior(0, SIZE, n)[STAYS].mean() for n in (0, 8, CONFIG.pseudo_views, 1000)]
-    assert inside[0] == pytest.approx(0.8, abs=1e-4)
-    assert inside[2] == pytest.approx(0.4, abs=1e-4)
-    assert inside == sorted(inside, reverse=True)
-    assert inside[3] < 0.03
-    assert occlusion.prior(0, SIZE, 0)[40:].max() < 1e-4
-
-
-def test_the_prior_of_renewed_drops_is_where_this_view_has_them_however_many_lines_there_are():
-    covers = renewed()
-    occlusion = occlusion_of(covers)
-    occlusion.recurring = 0.0
-    prior = occlusion.prior(5, SIZE, 1e9)
-    assert prior == pytest.approx(covers[5], abs=1e-5)
-    assert (occlusion.prior(5, SIZE, 0) >= prior - 1e-6).all()  # where others have them as well
-
-
 @pytest.mark.parametrize("size", [SIZE, (23, 31)])
-def test_the_prior_is_the_formula_of_the_page(size):
-    rng = np.random.default_rng(3)
-    covers = rng.random((COUNT, *SIZE)).astype(np.float32)
+@pytest.mark.parametrize("recurring", [0.0, 0.3, 1.0])
+@pytest.mark.parametrize("views", [0, 10, 1e9])
+def test_the_prior_is_the_formula_of_the_page(size, recurring, views):
+    covers = np.random.default_rng(3).random((COUNT, *SIZE)).astype(np.float32)
     occlusion = occlusion_of(covers)
-    occlusion.recurring = 0.3
+    occlusion.recurring = recurring
     q = resized(covers[2], size).astype(np.float64)
-    p = resized(np.delete(covers, 2, axis=0).mean(axis=0), size) * CONFIG.pseudo_views / (CONFIG.pseudo_views + 10)
-    assert occlusion.prior(2, size, 10) == pytest.approx(0.3 * p + 0.7 * (1 - (1 - p) * (1 - q)), abs=1e-5)
+    p = resized(np.delete(covers, 2, axis=0).mean(axis=0), size) * CONFIG.pseudo_views / (CONFIG.pseudo_views + views)
+    expected = recurring * p + (1 - recurring) * (1 - (1 - p) * (1 - q))
+    assert occlusion.prior(2, size, views) == pytest.approx(expected, abs=1e-5)
 
 
 def test_what_is_shown_falls_with_the_probability_of_a_drop_and_is_never_nothing():
