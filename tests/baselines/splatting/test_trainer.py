@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from disturbed import fitted
 from splats import photographed
-from trainings import BUDGETED, CONFIG, Interrupted, assert_identical, crashed_and_resumed, psnr
+from trainings import BUDGETED, CONFIG, assert_identical, crashed_and_resumed, psnr
 
 from baselines.gaussian_splatting import GaussianSplatting
 from baselines.splatting.backends.base import CpuBackend
@@ -76,15 +76,18 @@ STOPPING = replace(CONFIG, iterations=1500, learning_rates=LARGE, early_stop=Ear
 
 
 class Watched(Objective):
+    """Notes the views and the sizes that it is asked about."""
+
     def __init__(self, images):
         super().__init__(images)
-        self.seen = []
+        self.views, self.sizes = [], []
 
     def settings(self):
         return {"name": "Objective", "lambda_dssim": 0.2}
 
     def __call__(self, image, view, iteration, buffers):
-        self.seen.append(view)
+        self.views.append(view)
+        self.sizes.append(image.shape[:2])
         return super().__call__(image, view, iteration, buffers)
 
 
@@ -108,7 +111,7 @@ def test_training_stops_where_validation_got_no_better(scene, tmp_path):
     assert trained.iterations < 1500
     assert trained.iterations == 25 * len(trained.residuals) == 25 * (best + 1 + 3)
     held = validation_views(len(scene.train_views), 2)
-    assert set(objective.seen) == set(range(len(scene.train_views))) - set(held)
+    assert set(objective.views) == set(range(len(scene.train_views))) - set(held)
     near, background = trained.near, np.zeros(3, np.float32)
     last = []
     for index in held:
@@ -146,7 +149,7 @@ def test_small_cameras_see_the_same():
 
 
 def test_targets_are_averages_over_areas():
-    pixels = np.random.default_rng(0).integers(0, 256, (8, 12, 3), np.uint8)
+    pixels, hidden = np.random.default_rng(0).integers(0, 256, (8, 12, 3), np.uint8), np.zeros((8, 12), bool)
     images = TrainingImages([pixels])
     expected = pixels.reshape(4, 2, 6, 2, 3).mean(axis=(1, 3))
     assert np.abs(images.pixels(0, (4, 6)) - expected).max() <= 0.5
@@ -154,30 +157,18 @@ def test_targets_are_averages_over_areas():
     assert objective.target(0, (4, 6)).pixels is images.pixels(0, (4, 6))
     assert objective.target(0, (8, 12)).pixels is objective.target(0).pixels is pixels
     assert images.ignored(0, (4, 6)) is None
-
-
-def test_a_small_pixel_that_touches_a_hidden_one_is_hidden():
-    hidden = np.zeros((8, 12), bool)
-    hidden[3, 5] = True
-    images = TrainingImages([np.full((8, 12, 3), 200, np.uint8)], [hidden])
-    expected = np.zeros((4, 6), bool)
-    expected[1, 2] = True
-    assert np.array_equal(images.ignored(0, (4, 6)), expected)
-    assert np.array_equal(Objective(images).target(0, (4, 6)).shown == 0, expected)
+    hidden[3, 5] = True  # and so is a small pixel that touches it
+    images, small = TrainingImages([pixels], [hidden]), np.zeros((4, 6), bool)
+    small[1, 2] = True
+    assert np.array_equal(images.ignored(0, (4, 6)), small)
+    assert np.array_equal(Objective(images).target(0, (4, 6)).shown == 0, small)
 
 
 def test_a_scene_is_learnt_from_small_images_first(uneven, tmp_path):
-    sizes = []
-
-    class Sizes(Interrupted):
-        def __call__(self, image, view, iteration, buffers):
-            sizes.append(image.shape[:2])
-            return super().__call__(image, view, iteration, buffers)
-
-    train(uneven, COARSE, 0, tmp_path / "watched", Sizes(read_images(uneven.train_views), -1, None))
-    assert sizes == 50 * [(10, 13)] + 50 * [(19, 25)] + 100 * [(38, 50)]
-    method = GaussianSplatting(replace(COARSE, iterations=500), 0)
-    method.fit(uneven, tmp_path / "run")
+    objective = Watched(read_images(uneven.train_views))
+    train(uneven, COARSE, 0, tmp_path / "watched", objective)
+    assert objective.sizes == 50 * [(10, 13)] + 50 * [(19, 25)] + 100 * [(38, 50)]
+    method = fitted(GaussianSplatting, replace(COARSE, iterations=500), uneven, tmp_path / "run")
     assert psnr(method, uneven.train_views) > 30
     assert psnr(method, uneven.test_views) > 26
     assert render(method._trained.gaussians, uneven.views[0].camera)[0].shape == (38, 50, 3)
@@ -204,34 +195,31 @@ def injected(monkeypatch):
 
 
 @pytest.mark.parametrize("config", [CONFIG, BUDGETED], ids=["densification", "relocation"])
-def test_training_goes_on_without_them_and_warns_once(tmp_path, injected, caplog, config):
-    scene = photographed(tmp_path)
+def test_training_goes_on_without_them_and_warns_once(scene, tmp_path, injected, caplog, config):
     injected(45, 90, 170)
-    method = GaussianSplatting(replace(config, iterations=400), 0)
-    method.fit(scene, tmp_path / "run")
-    said = [message for message in caplog.messages if "NaN or infinite" in message]
-    assert len(said) == 1
-    assert "training: 5 of " in said[0]
-    assert "after iteration 60, as" in said[0]
-    assert "means of 1, quaternions of 1, log_scales of 1, opacity_logits of 1, sh of 1" in said[0]
+    method = fitted(GaussianSplatting, replace(config, iterations=400), scene, tmp_path)
+    (said,) = [message for message in caplog.messages if "NaN or infinite" in message]
+    assert "training: 5 of " in said
+    assert "after iteration 60, as" in said
+    assert "means of 1, quaternions of 1, log_scales of 1, opacity_logits of 1, sh of 1" in said
     trained = method._trained
     assert trained.non_finite == 15
     assert all(np.isfinite(value).all() for value in trained.gaussians.state_dict().values())
     assert psnr(method, scene.train_views) > 28
 
 
-def test_what_is_non_finite_at_the_end_is_not_in_the_model(tmp_path, injected):
+def test_what_is_non_finite_at_the_end_is_not_in_the_model(scene, tmp_path, injected):
     injected(29)
-    trained = train(photographed(tmp_path), replace(CONFIG, iterations=30), 0, tmp_path / "run")
+    trained = train(scene, replace(CONFIG, iterations=30), 0, tmp_path)
     assert trained.non_finite == 5
     assert all(np.isfinite(value).all() for value in trained.gaussians.state_dict().values())
 
 
-def test_a_training_that_leaves_nothing_has_failed(tmp_path, monkeypatch):
+def test_a_training_that_leaves_nothing_has_failed(scene, tmp_path, monkeypatch):
     def step(self, camera, view, iteration, *arguments):
         self._state.gaussians.means[:] = np.nan
         return 0.1
 
     monkeypatch.setattr(CpuBackend, "step", step)
     with pytest.raises(FloatingPointError, match="no Gaussian is left after 2 iterations"):
-        train(photographed(tmp_path), replace(CONFIG, iterations=2), 0, tmp_path / "run")
+        train(scene, replace(CONFIG, iterations=2), 0, tmp_path)
