@@ -39,5 +39,5 @@ WRONG = {
 @pytest.mark.parametrize(("settings", "changes"), [(kind, changes) for kind in WRONG for changes in WRONG[kind]])
 def test_settings_that_make_no_sense_are_refused(settings, changes):
     settings()
-    with pytest.raises(ValueError, match=r"expected|must be|at_first|price|matrices|shares|regularisation"):
+    with pytest.raises(ValueError, match=r"expected|must be|at_first|price|matrices|shares|schedule|regularisation"):
         settings(**changes)
