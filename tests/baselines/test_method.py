@@ -5,11 +5,13 @@ import sys
 import numpy as np
 import pytest
 
+from baselines.clean_wrapper import on_clean
 from baselines.gaussian_splatting import GaussianSplatting
 from baselines.method import METHODS, TrainingSummary, check_render, citation_of, find_method
 from hydroviews.cli.plugins import registered
 from hydroviews.errors import InputError
 from hydroviews.scene.cameras import Camera
+from leaderboard.evaluate import needed_patterns
 
 
 def refusal(name: str) -> str:
@@ -150,3 +152,12 @@ def test_a_summary_holds_finite_numbers_and_words(changes):
     TrainingSummary(**fields)
     with pytest.raises(ValueError, match=f"summary: .*{next(iter(changes))}|no device"):
         TrainingSummary(**{**fields, **changes})
+
+
+def test_any_method_may_be_shown_the_clean_views_alone():
+    method = find_method("3dgs+clean")
+    assert method is on_clean(GaussianSplatting) is find_method("3dgs-clean")
+    assert find_method("3dgs-budget-clean") is find_method("3dgs-budget+clean")
+    assert issubclass(method, GaussianSplatting)
+    assert (method.trains_on, GaussianSplatting.trains_on) == ("clean", "rainy")
+    assert needed_patterns("3dgs+clean", ["streak-1", "raindrop-1"]) == ["clean"]

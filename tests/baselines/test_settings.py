@@ -13,6 +13,7 @@ from baselines.occ_nerf.config import OccNerfConfig
 from baselines.splatting.config import TrainerConfig
 from baselines.volumetric.config import MlpFieldConfig
 from baselines.wild_gs.config import LookConfig as WildLookConfig
+from deraings.masks.config import MaskConfig
 
 WRONG = {
     CrNerfConfig: [{"transform": TransformConfig(size=65)}],
@@ -29,6 +30,7 @@ WRONG = {
         *({"dense_start": share} for share in (-0.1, 1.5)),
         *({"resolutions": steps} for steps in (((0.6, 4), (0.6, 2)), ((0.0, 2),), ((0.5, 0),))),
     ],
+    MaskConfig: [{"start": 0}, {"every": 0}, {"regularisation": 0}],
     PriceConfig: [{"at_first": 0.0}, {"price": 0.0}, {"typical": "mode"}],
     WildLookConfig: [{"side": 30}, {"box": 0.0}, {"rate_networks": 0.0}, {"code": 0}, {"absent": 1.0}, {"shrink": 0}],
 }
@@ -37,5 +39,5 @@ WRONG = {
 @pytest.mark.parametrize(("settings", "changes"), [(kind, changes) for kind in WRONG for changes in WRONG[kind]])
 def test_settings_that_make_no_sense_are_refused(settings, changes):
     settings()
-    with pytest.raises(ValueError, match=r"expected|must be|at_first|price|matrices|shares"):
+    with pytest.raises(ValueError, match=r"expected|must be|at_first|price|matrices|shares|schedule|regularisation"):
         settings(**changes)

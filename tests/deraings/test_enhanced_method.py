@@ -1,6 +1,5 @@
 """Any method on enhanced photographs: as DeRainGS learns from them, masks in force, found by name, taken up again."""
 
-import os
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -8,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from disturbed import fitted
 from splats import photographed
 from tiny_network import TINY
 from trainings import CONFIG, assert_identical
@@ -23,7 +23,6 @@ from hydroviews.errors import InputError
 from hydroviews.files.atomic import sha256
 from hydroviews.scene.lenses import Lens
 from hydroviews.scene.masks import write_ignored
-from leaderboard.records import run_folder
 
 REPOSITORY = Path(__file__).parents[2]
 ON_ENHANCED = "deraings.enhanced_method:on_enhanced"
@@ -55,38 +54,33 @@ def weights(tmp_path_factory):
 
 
 def test_it_computes_what_deraings_does_without_masks(scene, weights, tmp_path):
-    short = replace(CONFIG, iterations=60)
-    unmasked = DeRainGS(DeRainGSConfig(short, enhancement=str(weights)), 0)
-    unmasked.fit(scene, tmp_path / "unmasked")
-    wrapped = on_enhanced(GaussianSplatting)(EnhancedConfig(short, str(weights), sha256(weights)), 0)
-    wrapped.fit(scene, tmp_path / "wrapped")
-    plain = GaussianSplatting(short, 0)
-    plain.fit(scene, tmp_path / "plain")
+    short, kind = replace(CONFIG, iterations=60), on_enhanced(GaussianSplatting)
+    unmasked = fitted(DeRainGS, DeRainGSConfig(short, enhancement=str(weights)), scene, tmp_path / "unmasked")
+    wrapped = fitted(kind, EnhancedConfig(short, str(weights), sha256(weights)), scene, tmp_path / "wrapped")
+    plain = fitted(GaussianSplatting, short, scene, tmp_path / "plain")
     assert_identical(unmasked._trained, wrapped._inner._trained)
     camera = scene.views[0].camera
     assert not np.array_equal(wrapped.render(camera), plain.render(camera))
     assert wrapped.summary().used == f"enhancement {weights}"
 
     wrapped.save(tmp_path / "wrapped")
-    loaded = type(wrapped).load(wrapped.config, 0, tmp_path / "wrapped")
+    loaded = kind.load(wrapped.config, 0, tmp_path / "wrapped")
     assert np.array_equal(loaded.render(camera), wrapped.render(camera))
     assert loaded.summary() == wrapped.summary()
     assert (tmp_path / "wrapped" / "splats.ply").is_file()
 
 
 def test_a_finished_training_is_not_begun_again_and_other_weights_are_refused(scene, weights, tmp_path):
-    kind, short = on_enhanced(GaussianSplatting), replace(CONFIG, iterations=20)
-    config = EnhancedConfig(short, str(weights), sha256(weights))
-    first = kind(config, 0)
-    first.fit(scene, tmp_path)
+    kind = on_enhanced(GaussianSplatting)
+    config = EnhancedConfig(replace(CONFIG, iterations=20), str(weights), sha256(weights))
+    first = fitted(kind, config, scene, tmp_path)
     kept = sorted((tmp_path / "enhanced").rglob("*.png"))
     times = [path.stat().st_mtime_ns for path in kept]
-    again = kind(config, 0)
-    again.fit(scene, tmp_path)
+    again = fitted(kind, config, scene, tmp_path)
     assert_identical(first._inner._trained, again._inner._trained)
     assert times == [path.stat().st_mtime_ns for path in kept]
     with pytest.raises(InputError, match="of another run, with a different images"):
-        kind(replace(config, enhancement=DEFAULT), 0).fit(scene, tmp_path)
+        fitted(kind, replace(config, enhancement=DEFAULT), scene, tmp_path)
 
 
 def test_what_is_hidden_stays_hidden_behind_a_lens_too(scene, weights, tmp_path):
@@ -132,9 +126,3 @@ def test_it_is_found_by_name():
 def test_what_is_no_wrapper_is_refused(name, message):
     with pytest.raises(InputError, match=message):
         find_method(name)
-
-
-def test_its_runs_have_a_folder_of_their_own():
-    folder = run_folder(Path("results"), "demo", "3dgs+enhance", "yard", "streak-0", 0, "given-poses")
-    assert folder == Path("results/demo/3dgs+enhance/yard/streak-0/seed-0")
-    assert os.sep not in folder.parts[2]

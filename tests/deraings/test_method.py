@@ -45,50 +45,46 @@ def weights(tmp_path_factory):
     return path
 
 
-def test_networks_learn_as_often_in_short_trainings():
-    every = {name: config.masks.every for name, config in DeRainGS.profiles.items()}
-    assert every == {"demo": 6, "quick": 12, "paper": 12}
-    without = WithoutAttention.profiles["demo"].masks
-    assert (without.every, without.attention) == (6, False)
+@pytest.fixture(scope="module")
+def images(scene):
+    return read_images(scene.train_views)
 
 
-def test_photographs_are_enhanced_once(scene, weights, tmp_path):
-    images, enhancer = read_images(scene.train_views), load_enhancer(weights)
-    names = [view.name for view in scene.train_views]
-    enhanced = EnhancedViews(images, names, enhancer, tmp_path)
-    enhanced.files()
-    expected = np.clip(images.pixels(0) / 255 - 0.1, 0, 1)
-    assert np.abs(enhanced.image(0) - expected).max() < 0.01
-    (kept,) = tmp_path.iterdir()
-    assert np.array_equal(enhanced.image(0), read_image(kept / f"{names[0]}.png"))
-    times = [path.stat().st_mtime_ns for path in sorted(kept.iterdir())]
-    assert EnhancedViews(images, names, enhancer, tmp_path).files() == enhanced.files()
-    assert times == [path.stat().st_mtime_ns for path in sorted(kept.iterdir())]
+def views_of(scene, images, enhancer, folder):
+    return EnhancedViews(images, [view.name for view in scene.train_views], enhancer, folder)
 
 
-def test_other_weights_enhance_anew(scene, weights, tmp_path):
-    images, enhancer = read_images(scene.train_views), load_enhancer(weights)
-    names = [view.name for view in scene.train_views]
-    EnhancedViews(images, names, enhancer, tmp_path).files()
+def test_photographs_are_enhanced_once_when_they_are_asked_for(scene, images, weights, tmp_path):
+    enhancer = load_enhancer(weights)
+    views = views_of(scene, images, enhancer, tmp_path)
+    assert not list(tmp_path.iterdir())
+    expected = np.clip(images.pixels(2) / 255 - 0.1, 0, 1)
+    assert np.abs(views.image(2) - expected).max() < 0.01
+    (kept,) = (tmp_path / views.digest).glob("*.png")
+    before = kept.stat().st_mtime_ns
+    assert np.array_equal(views.image(2), read_image(kept))
+    files = views.files()
+    assert kept.stat().st_mtime_ns == before
+    times = [path.stat().st_mtime_ns for path in files]
+    assert views_of(scene, images, enhancer, tmp_path).files() == files
+    assert times == [path.stat().st_mtime_ns for path in files]
     with torch.no_grad():
         enhancer.network.head[0].bias.fill_(0.1)
-    brighter = EnhancedViews(images, names, enhancer, tmp_path)
-    assert 255 * brighter.image(0).mean() > images.pixels(0).mean()
+    brighter = views_of(scene, images, enhancer, tmp_path)
+    assert 255 * brighter.image(2).mean() > images.pixels(2).mean()
     assert len(list(tmp_path.iterdir())) == 2
 
 
 @pytest.mark.parametrize("foggy", [False, True])
-def test_mist_is_not_taken_off_where_it_is_foggy(scene, weights, tmp_path, monkeypatch, caplog, foggy):
-    monkeypatch.setattr(MistEvidence, "foggy", foggy)
-
+def test_mist_is_not_taken_off_where_it_is_foggy(scene, images, weights, tmp_path, monkeypatch, caplog, foggy):
     def enhance(image, enhancer, remove_mist, lens):
         return Enhanced(image * np.float32(0.5 + 0.5 * remove_mist), None, None)
 
+    monkeypatch.setattr(MistEvidence, "foggy", foggy)
     monkeypatch.setattr(enhanced_views, "predict", enhance)
     method = DeRainGS(DeRainGSConfig(CONFIG, enhancement=str(weights)), 0)
     with caplog.at_level("INFO"):
         objective = method.objective(scene, tmp_path)
-    images = read_images(scene.train_views)
     factor = objective.images.pixels(0).mean() / images.pixels(0).mean()
     assert factor == pytest.approx(0.5 if foggy else 1, abs=0.01)
     assert ("leaving fog as it is" in method.found["enhancement"]) == foggy
@@ -96,22 +92,10 @@ def test_mist_is_not_taken_off_where_it_is_foggy(scene, weights, tmp_path, monke
     assert ("foggy in the scene" in caplog.text) == foggy
 
 
-def test_photographs_are_enhanced_only_when_they_are_asked_for(scene, weights, tmp_path):
-    images = read_images(scene.train_views)
-    views = EnhancedViews(images, [view.name for view in scene.train_views], load_enhancer(weights), tmp_path)
-    assert not list(tmp_path.iterdir())
-    expected = np.clip(images.pixels(2) / 255 - 0.1, 0, 1)
-    assert np.abs(views.image(2) - expected).max() < 0.01
-    (kept,) = (tmp_path / views.digest).glob("*.png")
-    before = kept.stat().st_mtime_ns
-    assert np.array_equal(views.image(2), views.image(2))
-    assert kept.stat().st_mtime_ns == before
-
-
 @pytest.mark.parametrize("together", [True, False])
-def test_each_photograph_is_enhanced_by_one_thread(scene, weights, tmp_path, monkeypatch, together):
+def test_each_photograph_is_enhanced_by_one_thread(scene, images, weights, tmp_path, monkeypatch, together):
     """The last bits depend on how many there are."""
-    images, names, seen = read_images(scene.train_views), [view.name for view in scene.train_views], []
+    seen = []
 
     def enhance(image, *_, **__):
         seen.append(torch.get_num_threads())
@@ -119,32 +103,26 @@ def test_each_photograph_is_enhanced_by_one_thread(scene, weights, tmp_path, mon
 
     monkeypatch.setattr(enhanced_views, "predict", enhance)
     with torch_threads(3):
-        views = EnhancedViews(images, names, load_enhancer(weights), tmp_path)
+        views = views_of(scene, images, load_enhancer(weights), tmp_path)
         made = views.files() if together else [views.file(0)]
         assert torch.get_num_threads() == 3
     assert seen == [1] * len(made)
 
 
-def test_enhanced_photographs_hide_what_the_photographs_hide(scene, weights, tmp_path):
-    photographs = read_images(scene.train_views)
-    hidden = np.zeros(photographs.pixels(0).shape[:2], bool)
+def test_enhanced_photographs_hide_what_the_photographs_hide(scene, images, weights, tmp_path):
+    hidden, count = np.zeros(images.pixels(0).shape[:2], bool), len(images)
     hidden[:20] = True
-    count = len(photographs)
-    images = TrainingImages([photographs.pixels(index) for index in range(count)], [hidden] * count)
-    names = [view.name for view in scene.train_views]
-    found = EnhancedViews(images, names, load_enhancer(weights), tmp_path).training_images()
+    masked = TrainingImages([images.pixels(index) for index in range(count)], [hidden] * count)
+    found = views_of(scene, masked, load_enhancer(weights), tmp_path).training_images()
     assert len(found) == count
     assert all(np.array_equal(found.ignored(index), hidden) for index in range(count))
-    expected = np.clip(images.pixels(1)[~hidden] / 255 - 0.1, 0, 1)
+    expected = np.clip(masked.pixels(1)[~hidden] / 255 - 0.1, 0, 1)
     assert np.abs(found.pixels(1)[~hidden] / 255 - expected).max() < 0.01
 
 
-def test_enhanced_photographs_are_learned_from_or_a_prior():
+def test_what_cannot_be_is_refused():
     with pytest.raises(ValueError, match="not both"):
         DeRainGSConfig(CONFIG, enhancement="small", prior="small")
-
-
-def test_what_was_learned_is_refused_before_a_training():
     with pytest.raises(InputError, match="call fit first"):
         DeRainGS(DeRainGSConfig(CONFIG), 0).learned()
 
@@ -152,18 +130,15 @@ def test_what_was_learned_is_refused_before_a_training():
 def test_methods_are_found_and_differ_in_their_switches():
     assert find_method("deraings") is DeRainGS
     assert find_method("deraings-plus") is DeRainGSPlus
-    plus = DeRainGSPlus.configuration("demo")
+    paper, plus, less = (kind.configuration("demo") for kind in (DeRainGS, DeRainGSPlus, WithoutAttention))
     assert plus.rain == RainConfig()
     assert plus.prior
     assert replace(plus, prior=None, weights_sha256=None) == RainModelOnly.configuration("demo")
     assert plus.weights_sha256 == sha256(find_weights("small")) == DeRainGS.configuration("quick").weights_sha256
-    paper = DeRainGS.configuration("demo")
     assert paper.enhancement
-    assert paper.masks
     assert paper.rain is None
-    assert paper.splatting == GaussianSplatting.configuration("demo")
-    assert paper.splatting == plus.splatting
-    less = WithoutAttention.configuration("demo")
+    assert paper.splatting == plus.splatting == GaussianSplatting.configuration("demo")
+    assert not less.masks.attention
     assert replace(less, masks=replace(less.masks, attention=True)) == paper
 
 

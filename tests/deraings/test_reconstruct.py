@@ -71,10 +71,6 @@ def found_by_name(monkeypatch):
     monkeypatch.setattr(module, "find_method", {"short": Short}.__getitem__)
 
 
-def stamps(folder):
-    return {path: path.stat().st_mtime_ns for path in folder.rglob("*") if path.is_file()}
-
-
 def test_the_profile_for_a_gpu_is_warned_of_before_hours_of_work(request_of, tmp_path, monkeypatch, caplog):
     def cameras(*_):
         assert ["paper is made for a GPU" in record.message for record in caplog.records] == [True]
@@ -111,6 +107,9 @@ def test_a_capture_becomes_a_scene_of_all_its_photographs(request_of, caplog):
     sheet = read_image(folder / SHEET)
     assert sheet.shape[1] > 4 * 48
     assert sheet.std() > 0.05
+    scene = module.all_views(find_scene(request_of(), folder))
+    assert len(scene.train_views) == len(scene.views) == 12
+    assert not scene.test_views
 
 
 def test_the_same_call_ends_with_the_same_scene(request_of):
@@ -122,12 +121,6 @@ def test_the_same_call_ends_with_the_same_scene(request_of):
     assert (folder / TRAINING / SPLATS).read_bytes() == before
     with pytest.raises(InputError, match="other settings"):
         reconstruct(request_of(seed=1))
-
-
-def test_all_photographs_are_learned_from(request_of):
-    scene = module.all_views(find_scene(request_of(), request_of().folder))
-    assert len(scene.train_views) == len(scene.views) == 12
-    assert not scene.test_views
 
 
 def test_cameras_without_points_get_some_once(capture, tmp_path, monkeypatch, caplog):
@@ -148,11 +141,17 @@ def test_cameras_without_points_get_some_once(capture, tmp_path, monkeypatch, ca
 def test_photographs_without_cameras_have_them_estimated(request_of, tmp_path, monkeypatch):
     for i in range(3):
         write_png(tmp_path / "photographs" / f"{i}.png", np.full((8, 8, 3), 0.1 * i, np.float32))
-    asked = []
-    monkeypatch.setattr(module, "estimate_poses", lambda *given, **named: asked.append((given, named)))
+    asked, walk = [], tmp_path / "walk.mp4"
+    monkeypatch.setattr(module, "estimate_poses", lambda *given, **named: asked.append((*given, named)))
+    monkeypatch.setattr(module, "capture_video", lambda *given, **named: asked.append((*given, named)) or "scene")
     find_scene(request_of(photographs=tmp_path / "photographs", seed=7), tmp_path / "capture")
     named = {"seed": 7, "rainy": True, "enhance": enhance}
-    assert asked == [((tmp_path / "photographs", tmp_path / "capture"), named)]
+    assert asked.pop() == (tmp_path / "photographs", tmp_path / "capture", named)
+    walk.write_bytes(b"film")
+    assert find_scene(request_of(photographs=walk, rate=2.0, seed=7), tmp_path / "capture") == "scene"
+    ((film, capture, choice, named),) = asked
+    assert (film, capture, choice.rate) == (walk, tmp_path / "capture", 2.0)
+    assert (named["enhance"], named["seed"]) == (enhance, 7)
 
 
 def test_rainy_photographs_without_cameras_become_a_scene(tmp_path, monkeypatch, capsys, caplog):
@@ -171,37 +170,39 @@ def test_rainy_photographs_without_cameras_become_a_scene(tmp_path, monkeypatch,
     assert len(read_ply(folder / TRAINING / SPLATS)) > 100
 
 
-def test_a_film_becomes_a_capture(request_of, tmp_path, monkeypatch):
-    (tmp_path / "walk.mp4").write_bytes(b"film")
-    asked = []
-    monkeypatch.setattr(module, "capture_video", lambda *given, **named: asked.append((*given, named)) or "scene")
-    request = request_of(photographs=tmp_path / "walk.mp4", rate=2.0, seed=7)
-    assert find_scene(request, tmp_path / "capture") == "scene"
-    assert asked[0][:2] == (tmp_path / "walk.mp4", tmp_path / "capture")
-    assert asked[0][2].rate == 2.0
-    assert asked[0][3]["enhance"] is enhance
-    assert asked[0][3]["seed"] == 7
-
-
-def test_what_cannot_be_reconstructed_is_refused(request_of, tmp_path, monkeypatch):
-    (tmp_path / "empty").mkdir()
-    for path in (tmp_path / "empty", tmp_path / "nowhere"):
-        with pytest.raises(InputError, match="nothing to reconstruct from"):
-            reconstruct(request_of(photographs=path, out=tmp_path / "scene"))
-    (tmp_path / "full").mkdir()
+@pytest.mark.parametrize(
+    ("photographs", "out", "message"),
+    [
+        ("empty", "scene", "nothing to reconstruct from"),
+        ("nowhere", "scene", "nothing to reconstruct from"),
+        ("capture/images/view-00.png", "scene", r"view-00\.png: a picture, not a film"),
+        ("capture", "full", "holds other files"),
+        ("capture", "capture/images/scene", "among the photographs"),
+        ("capture", "data/room/streak-1-scene", r"in the built scene .*/room\n"),
+    ],
+)
+def test_what_cannot_be_reconstructed_is_refused(request_of, capture, tmp_path, monkeypatch, photographs, out, message):
+    monkeypatch.setattr("hydroviews.dataset.manifest.scene_entry", lambda folder: {} if folder.name == "room" else None)
+    (tmp_path / "capture").symlink_to(capture)
+    for folder in ("empty", "full"):
+        (tmp_path / folder).mkdir()
     (tmp_path / "full" / "letter.txt").write_text("dear")
-    with pytest.raises(InputError, match="holds other files"):
-        reconstruct(request_of(out=tmp_path / "full"))
+    with pytest.raises(InputError, match=message):
+        reconstruct(request_of(photographs=tmp_path / photographs, out=tmp_path / out))
+    assert out == "full" or not (tmp_path / out).exists()
+
+
+def test_methods_that_learn_from_clean_views_are_refused(request_of, monkeypatch):
     monkeypatch.setattr(Short, "trains_on", "clean")
     with pytest.raises(InputError, match="learns from clean views"):
         reconstruct(request_of())
 
 
-def test_the_scene_goes_beside_the_photographs(tmp_path):
-    assert Reconstruction(tmp_path / "walk.mp4").folder == tmp_path / "walk-scene"
-    assert Reconstruction(tmp_path / "photos").folder == tmp_path / "photos-scene"
-    (tmp_path / "2024.05.01").mkdir()
-    assert Reconstruction(tmp_path / "2024.05.01").folder == tmp_path / "2024.05.01-scene"
+@pytest.mark.parametrize("name", ["walk.mp4", "photos", "2024.05.01"])
+def test_the_scene_goes_beside_the_photographs(tmp_path, name):
+    if name == "2024.05.01":
+        (tmp_path / name).mkdir()
+    assert Reconstruction(tmp_path / name).folder == tmp_path / f"{name.removesuffix('.mp4')}-scene"
 
 
 @pytest.mark.parametrize(
@@ -213,28 +214,15 @@ def test_settings_that_cannot_be_do_not_take_the_folder(request_of, tmp_path, wr
     assert not (tmp_path / "scene").exists()
 
 
-def test_a_scene_among_the_photographs_is_refused(request_of, capture):
-    with pytest.raises(InputError, match="among the photographs"):
-        reconstruct(request_of(out=capture / "images" / "scene"))
-
-
-def test_a_scene_in_a_built_one_is_refused(request_of, monkeypatch, tmp_path):
-    monkeypatch.setattr("hydroviews.dataset.manifest.scene_entry", lambda folder: {} if folder.name == "room" else None)
-    with pytest.raises(InputError, match=r"in the built scene .*/room\n"):
-        reconstruct(request_of(out=tmp_path / "data" / "room" / "streak-1-scene"))
-
-
-def test_a_scene_that_was_moved_is_the_same_scene(request_of, capture, tmp_path):
-    assert recorded_settings(request_of(out=tmp_path / "a")) == recorded_settings(
-        request_of(out=tmp_path / "b", rate=2.0)
-    )
+def test_a_scene_that_was_moved_is_the_same_scene(request_of, tmp_path):
+    here, there = request_of(out=tmp_path / "a"), request_of(out=tmp_path / "b", rate=2.0)
+    assert recorded_settings(here) == recorded_settings(there)
     (tmp_path / "walk.mp4").write_bytes(b"film")
     film = request_of(photographs=tmp_path / "walk.mp4")
     assert recorded_settings(film) != recorded_settings(replace(film, rate=2.0))
 
 
-@pytest.fixture
-def as_far_as_cameras(monkeypatch):
+def test_photographs_that_were_moved_are_gone_on_with(request_of, capture, tmp_path, monkeypatch):
     """Reconstruction ends with its settings and an InputError that tells whether its folder is locked."""
 
     def look(request, capture):
@@ -242,14 +230,6 @@ def as_far_as_cameras(monkeypatch):
             raise InputError("nobody waits" if free else "others wait")
 
     monkeypatch.setattr(module, "find_scene", look)
-
-
-def test_a_second_reconstruction_in_one_folder_waits(request_of, tmp_path, as_far_as_cameras):
-    with pytest.raises(InputError, match="others wait"):
-        reconstruct(request_of(out=tmp_path / "scene"))
-
-
-def test_photographs_that_were_moved_are_gone_on_with(request_of, capture, tmp_path, monkeypatch, as_far_as_cameras):
     for name in ("before", "now"):
         shutil.copytree(capture, tmp_path / name)
     before, now = (request_of(photographs=tmp_path / name, out=tmp_path / "scene") for name in ("before", "now"))
@@ -286,14 +266,7 @@ def test_a_photograph_that_was_mended_and_more_of_them_are_gone_on_with(request_
         reconstruct(request)
 
 
-def test_a_picture_is_not_taken_for_a_film(request_of, capture, tmp_path):
-    picture = next((capture / "images").iterdir())
-    with pytest.raises(InputError, match=f"{picture.name}: a picture, not a film"):
-        reconstruct(request_of(photographs=picture, out=tmp_path / "scene"))
-    assert not (tmp_path / "scene").exists()
-
-
-def test_formats_that_are_not_read_are_named(tmp_path, caplog):
+def test_formats_that_are_not_read_are_named(request_of, tmp_path, caplog):
     for i in range(3):
         (tmp_path / f"{i}.HEIC").write_bytes(b"")
     with pytest.raises(InputError, match=r"found: 3 \.heic\n.*\.png, \.jpg"):
@@ -302,9 +275,6 @@ def test_formats_that_are_not_read_are_named(tmp_path, caplog):
     with caplog.at_level("INFO"):
         require_photographs(tmp_path)
     assert "3 .heic left out" in caplog.text
-
-
-def test_formats_that_colmap_does_not_read_are_refused_before_cameras_are_estimated(request_of, tmp_path):
     (tmp_path / "walk").mkdir()
     for name in "abc":
         PIL.Image.fromarray(np.zeros((4, 4, 3), np.uint8)).save(tmp_path / "walk" / f"{name}.webp")

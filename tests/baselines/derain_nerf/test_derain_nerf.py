@@ -7,6 +7,7 @@ import balls
 import numpy as np
 import pytest
 import torch
+from disturbed import fitted
 from tiny_attention import GENERATOR
 
 from baselines.derain_nerf import method as derain_nerf
@@ -24,7 +25,6 @@ from baselines.derain_nerf.raindrop_attention.network import DerainGenerator
 from baselines.derain_nerf.raindrop_attention.weights import FILES
 from baselines.training.images import TrainingImages
 from hydroviews.errors import InputError
-from hydroviews.scene.scenes import Scene
 
 SHORT = replace(balls.SMALL, iterations=20, rays=64, anneal=10)
 DROP = np.array([1.0, 0.0, 1.0], np.float32)  # no colour of the scene
@@ -41,33 +41,17 @@ def pasted(image: np.ndarray, _: int = 0) -> np.ndarray:
 MASK = (pasted(np.zeros((24, 32, 3), np.float32)) == DROP).all(axis=-1)
 
 
-def rainy(folder: Path, change=pasted) -> Scene:
-    """The ball through drops."""
-    return balls.photographed(folder, n_views=24, width=32, height=24, change=change)
-
-
-def known(image: np.ndarray, _: DerainGenerator) -> Found:
-    """A network that knows."""
-    return Found(MASK.astype(np.float32), image)
-
-
 @pytest.fixture
 def drops(tmp_path, monkeypatch) -> DropDetectionConfig:
     """Settings under which exactly the pasted drops are found."""
-    monkeypatch.setattr(derain_nerf, "detect", known)
+    monkeypatch.setattr(derain_nerf, "detect", lambda image, _: Found(MASK.astype(np.float32), image))
     return untrained(tmp_path)
 
 
 def untrained(folder: Path) -> DropDetectionConfig:
-    torch.manual_seed(0)
     path = folder / "untrained.safetensors"
     FILES.save(path, DerainGenerator(GENERATOR), {})
     return DropDetectionConfig(weights=str(path), widened=0)
-
-
-def fitted(method, scene, folder):
-    method.fit(scene, folder)
-    return method
 
 
 def parameters(method):
@@ -75,9 +59,10 @@ def parameters(method):
 
 
 def test_masks_bring_back_what_drops_cost(tmp_path, drops):
-    scene, config = rainy(tmp_path / "scene"), replace(balls.SMALL, iterations=150, anneal=50)
-    masked = fitted(DerainNeRF(DerainNeRFConfig(config, drops), 0), scene, tmp_path / "masked")
-    plain = fitted(balls.Plain(config, 0), scene, tmp_path / "plain")
+    scene = balls.photographed(tmp_path / "scene", change=pasted)
+    config = replace(balls.SMALL, iterations=150, anneal=50)
+    masked = fitted(DerainNeRF, DerainNeRFConfig(config, drops), scene, tmp_path / "masked")
+    plain = fitted(balls.Plain, config, scene, tmp_path / "plain")
     with_masks, without = (balls.psnr(method.render, scene.test_views) for method in (masked, plain))
     assert with_masks > 16
     assert with_masks > without + 3
@@ -89,15 +74,15 @@ def test_masks_bring_back_what_drops_cost(tmp_path, drops):
 
 
 def test_hidden_pixels_do_not_count(tmp_path, drops):
-    config = DerainNeRFConfig(SHORT, drops)
-    one = rainy(tmp_path / "one")
-    other = rainy(tmp_path / "other", lambda image, _: np.where(MASK[..., None], 0.5, image))
-    trained = [fitted(DerainNeRF(config, 0), scene, tmp_path / f"run-{i}") for i, scene in enumerate((one, other))]
-    assert torch.equal(*map(parameters, trained))
-    plain = [fitted(balls.Plain(SHORT, 0), scene, tmp_path / f"plain-{i}") for i, scene in enumerate((one, other))]
-    assert not torch.equal(*map(parameters, plain))
+    def grey(image, _):
+        return np.where(MASK[..., None], 0.5, image)
+
+    scenes = [balls.photographed(tmp_path / change.__name__, change=change) for change in (pasted, grey)]
+    for kind, config, alike in ((DerainNeRF, DerainNeRFConfig(SHORT, drops), True), (balls.Plain, SHORT, False)):
+        trained = [fitted(kind, config, scene, tmp_path / f"{kind.__name__}-{i}") for i, scene in enumerate(scenes)]
+        assert torch.equal(*map(parameters, trained)) == alike
     with pytest.raises(InputError, match="another run"):
-        DerainNeRF(DerainNeRFConfig(SHORT, replace(drops, widened=1)), 0).fit(one, tmp_path / "run-0")
+        fitted(DerainNeRF, DerainNeRFConfig(SHORT, replace(drops, widened=1)), scenes[0], tmp_path / "DerainNeRF-0")
 
 
 def test_masks_are_found_once_for_photographs_and_weights(tmp_path, monkeypatch, drops):
@@ -135,17 +120,14 @@ def test_large_pictures_are_looked_at_as_small_ones(monkeypatch):
     assert seen == [(15, 45, 3), (30, 90, 3), (30, 90, 3)]
 
 
-def test_other_weights_are_another_configuration_and_odd_profiles_are_refused(tmp_path, monkeypatch):
-    drops = untrained(tmp_path)
-    monkeypatch.setattr(DerainNeRF, "profiles", {"demo": DerainNeRFConfig(SHORT, drops)})
-    assert len(DerainNeRF.configuration("demo").drops.weights_sha256) == 64
-    with pytest.raises(InputError, match="no such profile"):
-        DerainNeRF.configuration("enormous")
-    monkeypatch.setattr(
-        DerainNeRF, "profiles", {"demo": DerainNeRFConfig(SHORT, DropDetectionConfig(weights="enormous"))}
-    )
+def test_other_weights_are_another_configuration_and_unknown_ones_are_refused(tmp_path, monkeypatch):
+    def use(drops):
+        monkeypatch.setattr(DerainNeRF, "profiles", {"demo": DerainNeRFConfig(SHORT, drops)})
+        return DerainNeRF.configuration("demo")
+
+    assert len(use(untrained(tmp_path)).drops.weights_sha256) == 64
     with pytest.raises(InputError, match="none of that name"):
-        DerainNeRF.configuration("demo")
+        use(DropDetectionConfig(weights="enormous"))
 
 
 def test_a_network_looks_at_the_photographs(tmp_path):

@@ -1,10 +1,11 @@
-"""The two depths of a ray against what they are by hand, and the mistake they are easily made with."""
+"""The two depths of a ray against what they are by hand, and the loss of the detector that compares them."""
 
 import numpy as np
 import pytest
 import torch
 
 from baselines.occ_nerf.depths import depth, depth_from_behind, middles
+from baselines.occ_nerf.detector import Detector, correlation_loss
 from baselines.volumetric.compositing import INFINITE, compositing_weights
 from baselines.volumetric.rays.rays import WorldRays
 from baselines.volumetric.rays.spaces import NDC, Contracted
@@ -70,12 +71,6 @@ def test_an_occluder_does_not_change_the_depth_from_behind():
     alone, occluded = both({FAR: 1}, elsewhere=1e-3), both({NEAR: 1, FAR: 1}, elsewhere=1e-3)
     assert alone == pytest.approx((0.8, 0.8), abs=0.02)
     assert occluded == pytest.approx((0.085, 0.8), abs=0.02)
-    # What the public code does: the last interval counts from behind as well.
-    lengths = torch.full((1, SAMPLES), 1 / SAMPLES, dtype=torch.float64)
-    lengths[:, -1] = INFINITE
-    density = torch.full_like(lengths, 1e-3)
-    density[0, FAR] = 1e12
-    assert float(depth_from_behind(density, lengths, middles(EDGES, FORWARD, True), False)) == pytest.approx(1)
 
 
 def test_thin_matter_behind_opaque_matter_is_not_lost():
@@ -94,3 +89,54 @@ def test_depths_of_huge_densities_are_finite_with_their_gradients():
     assert torch.isfinite(found).all()
     assert ((found >= 0) & (found <= 1)).all()
     assert torch.isfinite(density.grad).all()
+
+
+EVERY = torch.ones(4)
+GAPS = torch.tensor([0.0, 0.1, 0.3, 0.8])
+
+
+@pytest.mark.parametrize(
+    ("m", "gaps", "expected"),
+    [
+        (0.5 + 0.4 * (GAPS - 0.2), GAPS, 0.0),
+        (0.5 - 0.4 * (GAPS - 0.2), GAPS, 2.0),
+        (torch.full((4,), 0.3), GAPS, 1 + 0.4 * 0.2 / (0.4 * 0.42**0.5)),
+        (torch.full((4,), 0.3), 0 * GAPS, 0.0),  # without any foreground every m below a half is right
+        (torch.full((4,), 0.7), 0 * GAPS, 2.0),
+    ],
+)
+def test_the_loss_is_one_less_the_cosine(m, gaps, expected):
+    assert float(correlation_loss(m, gaps, 0.2, EVERY)) == pytest.approx(expected, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("m", "gaps", "counts"),
+    [
+        (torch.full((4,), 0.5), GAPS, EVERY),
+        (torch.full((4,), 0.7), torch.full((4,), 0.2), EVERY),
+        (torch.full((4,), 0.5), torch.full((4,), 0.2), EVERY),
+        (torch.full((4,), 0.7), GAPS, torch.zeros(4)),
+    ],
+    ids=["undecided", "at the threshold", "both", "all masked"],
+)
+def test_a_batch_without_direction_gives_one_and_a_finite_gradient(m, gaps, counts):
+    m = m.clone().requires_grad_()
+    loss = correlation_loss(m, gaps, 0.2, counts)
+    loss.backward()
+    assert loss.item() == pytest.approx(1)
+    assert torch.isfinite(m.grad).all()
+
+
+def test_it_learns_to_tell_large_gaps():
+    generator = torch.Generator().manual_seed(0)
+    detector = Detector(8, generator)
+    optimiser = torch.optim.Adam(detector.parameters(), lr=5e-3)
+    for step in range(200):
+        weights, near, gap = torch.rand(256, 8, generator=generator), *torch.rand(2, 256, generator=generator) / 2
+        m = detector(weights / 8, near, near + gap)
+        if step == 199:
+            clear = (gap - 0.2).abs() > 0.05
+            assert float(((m > 0.5) == (gap > 0.2))[clear].float().mean()) > 0.95
+        optimiser.zero_grad()
+        correlation_loss(m, gap, 0.2, torch.ones(256)).backward()
+        optimiser.step()

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 import wall
+from disturbed import fitted
 from field_rays import SPACE, rays
 
 from baselines.method import check_hidden
@@ -22,7 +23,6 @@ from baselines.volumetric.rays.rays import camera_rays
 
 VOLUMETRIC = replace(balls.SMALL, iterations=180)
 CONFIG = OccNerfConfig(VOLUMETRIC, VOLUMETRIC.field, gap=0.35, alone=0.1, depth_weight=0.1)
-SHORT = replace(CONFIG, volumetric=replace(balls.SMALL, iterations=20, rays=64, anneal=10))
 COUNT = 40
 
 
@@ -149,10 +149,9 @@ def test_what_is_shown_is_the_background_alone():
 
 def test_networks_of_the_paper_are_rendered_at_the_samples_of_both_passes(tmp_path):
     small = MlpFieldConfig(width=16, depth=3, position_octaves=3)
-    volumetric = replace(SHORT.volumetric, field=small, iterations=6, proposal_samples=12, samples=10, rays=32)
+    volumetric = replace(balls.SMALL, iterations=6, anneal=10, field=small, proposal_samples=12, samples=10, rays=32)
     config = OccNerfConfig(volumetric, replace(small, depth=4))
-    method = OccNerf(config, 0)
-    method.fit(wall.photographed(tmp_path), tmp_path)
+    method = fitted(OccNerf, config, wall.photographed(tmp_path), tmp_path)
     assert method.render(wall.camera(0, 0)).shape == (wall.HEIGHT, wall.WIDTH, 3)
 
 
@@ -163,30 +162,25 @@ def occluded(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def trained(occluded, tmp_path_factory):
-    method = OccNerf(CONFIG, 0)
-    method.fit(occluded, tmp_path_factory.mktemp("trained"))
-    return method
+    return fitted(OccNerf, CONFIG, occluded, tmp_path_factory.mktemp("trained"))
 
 
 def test_what_stands_close_before_the_cameras_is_seen_past(occluded, trained, tmp_path):
-    plain = balls.Plain(VOLUMETRIC, 0)
-    plain.fit(occluded, tmp_path)
-    scores = [balls.psnr(method.render, occluded.test_views) for method in (plain, trained)]
-    assert scores[1] > scores[0] + 1.5, scores
+    methods = fitted(balls.Plain, VOLUMETRIC, occluded, tmp_path), trained
+    plain, ours = (balls.psnr(method.render, occluded.test_views) for method in methods)
+    assert ours > plain + 1.5, (plain, ours)
 
 
 def test_the_posts_are_found(occluded, trained):
-    found = {True: [], False: []}
+    found, size = {True: [], False: []}, (wall.HEIGHT, wall.WIDTH)
     for view in occluded.train_views:
-        hidden = wall.occluded(*view.camera.centre[:2])
-        space, field = trained.model.space, trained.model
-        m = field.foreground(space.from_world(camera_rays(view.camera), torch.device("cpu")))
+        hidden = wall.occluded(*view.camera.centre[:2]).ravel()
+        m = trained.model.foreground(trained.model.space.from_world(camera_rays(view.camera), torch.device("cpu")))
         for value in (True, False):
-            found[value].append((m.numpy() >= 0.5)[hidden.ravel() == value])
+            found[value].append((m.numpy() >= 0.5)[hidden == value])
     assert np.concatenate(found[True]).mean() > 0.5
     assert np.concatenate(found[False]).mean() < 0.1
     assert "foreground" in trained.summary().used
-    size = (wall.HEIGHT, wall.WIDTH)
     plane = trained.hidden(len(occluded.train_views) - 1, size)
     check_hidden(plane, size)
     assert np.array_equal(plane, m.numpy().reshape(size))  # of the last view

@@ -196,15 +196,6 @@ def test_thousands_of_equal_depths_are_blended_in_index_order():
     assert np.array_equal(state.order, np.flatnonzero(state.visible))
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_some_with_nothing_finite_leave_the_others_bit_for_bit_alone(value):
-    gaussians = cloud(2000, 3, seed=5, size=0.05)
-    non_finite = np.random.default_rng(6).choice(2000, 300, replace=False)
-    for name in FIELDS:
-        gaussians = with_values(gaussians, name, non_finite, value)
-    assert_absent(gaussians, camera(90, 70), non_finite)
-
-
 @pytest.mark.parametrize("name", FIELDS)
 def test_every_kind_of_number_that_is_none_at_once(name):
     gaussians = cloud(600, 2, seed=7, size=0.08)

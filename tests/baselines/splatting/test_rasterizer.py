@@ -46,12 +46,6 @@ def test_image_and_gradients_match_the_reference(gaussians, view, options):
     assert_same(gaussians, view, **options)
 
 
-def test_coefficients_above_the_degree_in_use_get_no_gradient():
-    gradient = rendered(cloud(50, 3), VIEW, sh_degree=1)[2]["sh"]
-    assert gradient[:, :4].any()
-    assert not gradient[:, 4:].any()
-
-
 def test_antialiasing_keeps_what_a_small_gaussian_adds_to_the_image():
     """Widened to a pixel or not, it brings the same light; without, twice as far away it would bring as much."""
     one = cloud(1, 0, seed=6)
@@ -180,9 +174,3 @@ def test_arrays_that_do_not_fit_are_refused():
         replace(gaussians, sh=np.zeros((4, 5, 3), np.float32))
     with pytest.raises(ValueError, match="origins"):
         join(gaussians, np.arange(2), replace(gaussians, origin=np.ones(3)))
-
-
-def test_joined_gaussians_are_the_chosen_ones_then_the_others():
-    gaussians = cloud(4, 1)
-    joined = join(gaussians, np.array([1, 0]), gaussians)
-    assert np.array_equal(joined.means, np.concatenate([gaussians.means[[1, 0]], gaussians.means]))

@@ -1,6 +1,8 @@
-"""The training of networks from pairs: its schedule, and that nothing which disturbs it changes what is learned."""
+"""The training of networks from pairs: its numbers and files, and that nothing which disturbs it changes the result."""
 
 import csv
+import json
+import math
 import shutil
 from dataclasses import replace
 from itertools import pairwise
@@ -8,10 +10,19 @@ from pathlib import Path
 
 import pytest
 import torch
-from tiny_supervised import CONFIG, Darker, ToyTraining, learn, weights_of
+from tiny_supervised import CONFIG, Darker, LayerConfig, Toy, ToyTraining, learn, weights_of
 
+from baselines.derain_nerf.raindrop_attention import weights as attention
+from baselines.derain_nerf.raindrop_attention.config import SMALL_GENERATOR
+from baselines.derain_nerf.raindrop_attention.config import TrainingConfig as AttentionConfig
+from baselines.supervised.commands import use_threads
+from baselines.supervised.config import Intervals
 from baselines.supervised.training import CURVE, rate_at
+from baselines.supervised.weights import NetworkFiles, rounded
 from baselines.training.checkpoints import CHECKPOINT
+from deraings.enhancement import weights as enhancement
+from deraings.enhancement.architecture.network import SMALL
+from deraings.enhancement.training.config import TrainingConfig
 from hydroviews.errors import InputError
 
 
@@ -55,27 +66,21 @@ def test_workers_do_not_change_the_result_and_another_seed_does(undisturbed, tmp
     assert not torch.equal(expected, weights_of(learn(tmp_path / "1", replace(CONFIG, seed=1))))
 
 
-def test_a_finished_training_is_not_trained_again(undisturbed, finished):
+def test_a_finished_training_has_a_row_a_validation_and_is_not_trained_again(undisturbed, finished):
     assert torch.equal(weights_of(undisturbed[1]), weights_of(learn(finished, until=0)))
-
-
-@pytest.mark.parametrize("changed", [{"config": replace(CONFIG, rate=1.0)}, {"data": "others"}])
-def test_a_checkpoint_of_another_training_is_refused(finished, changed):
-    with pytest.raises(InputError, match="another run"):
-        learn(finished, **changed)
-
-
-def test_a_damaged_checkpoint_is_refused(finished):
-    (finished / CHECKPOINT).write_bytes((finished / CHECKPOINT).read_bytes()[:1000])
-    with pytest.raises(InputError, match="damaged"):
-        learn(finished)
-
-
-def test_the_curve_has_a_row_a_validation(undisturbed):
-    rows = list(csv.DictReader((undisturbed[0] / CURVE).open()))
+    rows = list(csv.DictReader((finished / CURVE).open()))
     assert [int(row["step"]) for row in rows] == [3, 6]
     assert [float(row["score"]) for row in rows] == [0, 1]
     assert all(float(row["loss"]) > 0 for row in rows)
+
+
+def test_a_checkpoint_of_another_training_or_a_damaged_one_is_refused(finished):
+    for changed in ({"config": replace(CONFIG, rate=1.0)}, {"data": "others"}):
+        with pytest.raises(InputError, match="another run"):
+            learn(finished, **changed)
+    (finished / CHECKPOINT).write_bytes((finished / CHECKPOINT).read_bytes()[:1000])
+    with pytest.raises(InputError, match="damaged"):
+        learn(finished)
 
 
 def test_the_rate_rises_and_falls():
@@ -92,3 +97,70 @@ def test_a_gradient_that_is_not_finite_changes_no_weights():
     with pytest.raises(FloatingPointError, match="network's gradient of iteration 0 is not finite: loss"):
         training.learn(batch._replace(rainy=batch.rainy * torch.inf))
     assert torch.equal(weights_of(training), before)
+
+
+CARD = {"data": "noise", "steps": 6}
+
+
+@pytest.fixture
+def files(tmp_path):
+    return NetworkFiles("toy", tmp_path, "network", lambda config: Toy(LayerConfig(**config)))
+
+
+def test_weights_come_back_with_their_configuration_and_card(files):
+    network = Toy(LayerConfig(5, (2, 3)))
+    files.save(files.shipped / "one.safetensors", network, CARD)
+    for weights in ("one", files.shipped / "one.safetensors"):
+        found, card = files.load(weights)
+        assert (found.config, card) == (network.config, CARD)
+        assert not any(parameter.requires_grad for parameter in found.parameters())
+        expected = rounded(network.state_dict())
+        assert all(torch.equal(value, expected[name]) for name, value in found.state_dict().items())
+    beside = json.loads((files.shipped / "one.json").read_text())
+    assert beside == {"network": {"size": 5, "stretch": [2, 3]}, **CARD}
+
+
+def test_weights_that_are_not_there_or_of_something_else_are_refused(files):
+    with pytest.raises(InputError, match="toy weights enormous: none of that name"):
+        files.load("enormous")
+    with pytest.raises(InputError, match="no such file"):
+        files.load(files.shipped / "weights.safetensors")
+    other = torch.nn.Linear(1, 1)
+    other.config = LayerConfig()
+    files.save(files.shipped / "other.safetensors", other, CARD)
+    with pytest.raises(InputError, match="no toy network of this version"):
+        files.load("other")
+
+
+@pytest.mark.parametrize(
+    ("files", "config", "most"),
+    [(enhancement.FILES, SMALL, 15e6), (attention.FILES, SMALL_GENERATOR, 5e6)],
+    ids=["enhancement", "raindrop attention"],
+)
+def test_what_is_shipped_is_small_and_says_what_it_is(files, config, most):
+    network, card = files.load("small")
+    path = files.find("small")
+    assert path.stat().st_size < most
+    assert network.config == config
+    assert {"data", "steps", "held out", "validation"} <= set(card)
+    beside = json.loads(path.with_suffix(".json").read_text())
+    assert {name: value for name, value in beside.items() if name != files.part} == card
+
+
+@pytest.mark.parametrize("config", [TrainingConfig, AttentionConfig])
+@pytest.mark.parametrize(
+    "wrong", [{"steps": 0}, {"steps": -1}, {"seed": -1}, {"batch": 0}, {"rate": math.nan}, {"rate": -1e-3}]
+)
+def test_numbers_that_no_training_can_have(config, wrong):
+    ((name, value),) = wrong.items()
+    with pytest.raises(InputError, match=f"--{name} {value}: impossible"):
+        config(**wrong)
+
+
+def test_intervals_and_threads():
+    with pytest.raises(InputError, match="--checkpoint-seconds inf: impossible"):
+        Intervals(checkpoint_seconds=math.inf)
+    with pytest.raises(InputError, match="--validate-every 0: impossible"):
+        Intervals(validate_every=0)
+    with pytest.raises(InputError, match="--threads -1: impossible"):
+        use_threads(-1)

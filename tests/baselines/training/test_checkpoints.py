@@ -30,9 +30,13 @@ def same(one, other):
     return one == other
 
 
-def test_a_tree_comes_back(tmp_path):
-    save_checkpoint(tmp_path / "a", TREE, {"seed": 0})
-    assert same(TREE, load_checkpoint(tmp_path / "a", {"seed": 0}))
+def test_a_tree_comes_back_to_the_same_run_alone(tmp_path):
+    save_checkpoint(tmp_path / "a", TREE, {"seed": 0, "configuration": {"rate": 1, "steps": 2}})
+    assert same(TREE, load_checkpoint(tmp_path / "a", {"seed": 0, "configuration": {"rate": 1, "steps": 2}}))
+    with pytest.raises(InputError, match="another run, with a different configuration, seed") as error:
+        load_checkpoint(tmp_path / "a", {"seed": 1, "configuration": {"rate": 3, "steps": 2}})
+    assert "{'rate': 1}" in str(error.value)
+    assert "steps" not in str(error.value)
 
 
 @pytest.mark.parametrize(
@@ -42,14 +46,6 @@ def test_what_could_not_be_read_again_is_refused(tmp_path, part, error):
     with pytest.raises(error):
         save_checkpoint(tmp_path / "a", {"part": part}, {})
     assert not list(tmp_path.iterdir())
-
-
-def test_another_seed_is_another_run(tmp_path):
-    save_checkpoint(tmp_path / "a", TREE, {"seed": 0, "configuration": {"rate": 1, "steps": 2}})
-    with pytest.raises(InputError, match="another run, with a different configuration, seed") as error:
-        load_checkpoint(tmp_path / "a", {"seed": 1, "configuration": {"rate": 3, "steps": 2}})
-    assert "{'rate': 1}" in str(error.value)
-    assert "steps" not in str(error.value)
 
 
 def test_a_fingerprint_tells_whatever_leads_to_another_result(tmp_path):

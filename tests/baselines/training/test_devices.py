@@ -1,5 +1,7 @@
-"""Which device is chosen, and what is said where it is not the one that was hoped for."""
+"""Which device is chosen, and what is said where it is not the one that was hoped for; torch's number of threads."""
 
+import os
+import subprocess
 import sys
 
 import pytest
@@ -22,8 +24,9 @@ def no_device(monkeypatch):
     monkeypatch.setattr(nvidia, "driver_version", lambda: None)
 
 
-def test_the_environment_has_the_last_word_and_unknown_devices_are_refused(no_device, monkeypatch):
-    assert chosen_device("cpu") == "cpu"
+def test_the_environment_has_the_last_word_and_unknown_devices_are_refused(no_device, monkeypatch, caplog):
+    assert chosen_device("auto", "gsplat") == chosen_device("cpu") == "cpu"
+    assert not caplog.records  # a machine without a GPU is no reason to say anything
     with pytest.raises(InputError, match="device tpu"):
         chosen_device("tpu")
     monkeypatch.setenv("HYDROVIEWS_DEVICE", "cpu")
@@ -40,11 +43,6 @@ def test_a_gpu_is_of_no_use_without_the_package_that_is_needed_there(monkeypatch
     assert "no_such_package not installed" in caplog.text
     with pytest.raises(InputError, match="no_such_package not installed"):
         chosen_device("cuda", "no_such_package")
-
-
-def test_a_machine_without_a_gpu_is_no_reason_to_say_anything(no_device, caplog):
-    assert chosen_device("auto", "gsplat") == "cpu"
-    assert not caplog.records
 
 
 def test_a_gpu_that_torch_cannot_use_is_said_once(no_device, monkeypatch, caplog):
@@ -86,3 +84,28 @@ def test_the_profile_for_a_gpu_is_warned_of_on_the_cpu(no_device, monkeypatch, c
         warn_of_slow_profile("paper")
     assert [record.levelname for record in caplog.records] == ["WARNING"]
     assert "paper is made for a GPU" in caplog.text
+
+
+CODE = """
+import torch
+from baselines.training.torch_state import one_thread
+
+with one_thread():
+    import numba
+
+    @numba.njit(parallel=True)
+    def count(n):
+        total = 0
+        for i in numba.prange(n):
+            total += i
+        return total
+
+    assert count(10) == 45
+    print(torch.get_num_threads())
+"""
+
+
+def test_threads_that_numba_starts_leave_torch_with_one():
+    environment = {**os.environ, "NUMBA_NUM_THREADS": "2", "OMP_NUM_THREADS": "2"}
+    found = subprocess.run([sys.executable, "-c", CODE], env=environment, capture_output=True, text=True, check=True)
+    assert found.stdout.split() == ["1"]

@@ -148,19 +148,23 @@ def interrupting(monkeypatch, at, number):
 
 
 @pytest.mark.parametrize(
-    ("name", "number", "error"),
-    [*((name, signal.SIGINT, KeyboardInterrupt) for name in TRAININGS), ("densification", signal.SIGTERM, SystemExit)],
+    ("name", "number", "error", "exit_status"),
+    [
+        *((name, signal.SIGINT, KeyboardInterrupt, None) for name in TRAININGS),
+        ("densification", signal.SIGTERM, SystemExit, 128 + signal.SIGTERM),
+    ],
 )
 def test_a_signal_ends_a_training_after_its_step_and_leaves_no_trace(
-    name, number, error, scenes, left_alone, tmp_path, monkeypatch
+    name, number, error, exit_status, scenes, left_alone, tmp_path, monkeypatch
 ):
     train, moments = TRAININGS[name]
     scene, expected, handler = scenes.get(name, scenes["any other"]), left_alone(name), signal.getsignal(number)
     for moment in moments:  # the second session is interrupted as well
         with monkeypatch.context() as patch:
             iterations = interrupting(patch, moment, number)
-            with pytest.raises(error):
+            with pytest.raises(error) as end:
                 train(tmp_path, scene)
+        assert getattr(end.value, "code", None) == exit_status
         assert iterations[-1] == moment  # no step was begun after that
         assert iterations[0] == (0 if moment == moments[0] else moments[0] + 1)  # and none was done again
         assert signal.getsignal(number) is handler
@@ -213,13 +217,6 @@ class Counting:
 
     def load_state_dict(self, tree):
         self.iteration, self.seconds, self.total = tree["iteration"], tree["seconds"], tree["sums"]["total"]
-
-
-def test_a_training_that_sigterm_ends_exits_as_shells_expect(tmp_path, monkeypatch):
-    interrupting(monkeypatch, 1, signal.SIGTERM)
-    with pytest.raises(SystemExit) as end:
-        loop.run(Counting(), tmp_path / CHECKPOINT, {}, 1e9)
-    assert end.value.code == 128 + signal.SIGTERM
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])

@@ -40,18 +40,20 @@ def test_it_is_said_why_torch_finds_no_device(machine, monkeypatch):
     assert "built without CUDA" in why_no_device()
 
 
-def test_a_toolkit_of_torchs_version_compiles(machine):
+@pytest.mark.parametrize(
+    ("version", "why"),
+    [
+        ("13.2", None),
+        ("12.9", "CUDA toolkit 12.9 in {}, and torch is built for 13.0"),
+        ("14.0", "CUDA toolkit 14.0 in {}, and torch is built for 13.0"),
+    ],
+)
+def test_a_toolkit_of_torchs_version_compiles_and_others_are_named(machine, version, why):
     assert why_no_compiler() == "no CUDA toolkit with nvcc and headers"
-    home = toolkit(machine / "usual", "13.2")
-    assert toolkit_home() == home
-    assert toolkit_version(home) == "13.2"
-    assert why_no_compiler() is None
-
-
-@pytest.mark.parametrize("version", ["12.9", "14.0"])
-def test_a_toolkit_of_another_version_is_named(machine, version):
     home = toolkit(machine / "usual", version)
-    assert why_no_compiler() == f"CUDA toolkit {version} in {home}, and torch is built for 13.0"
+    assert toolkit_home() == home
+    assert toolkit_version(home) == version
+    assert why_no_compiler() == (why and why.format(home))
 
 
 def test_the_toolkit_of_a_link_or_a_script_on_the_path_is_found(machine):

@@ -1,10 +1,11 @@
-"""The kernels against closed forms, plain torch in float64, and themselves on other numbers of threads."""
+"""Hash grids against closed forms, plain torch in float64, and themselves on other numbers of threads; encodings."""
 
 import numba
 import numpy as np
 import pytest
 import torch
 
+from baselines.volumetric.fields.encodings import positional
 from baselines.volumetric.fields.hash_grid import GridConfig, HashGrid, interpolate
 
 RESOLUTIONS = [4, 11, 40]
@@ -80,3 +81,11 @@ def test_the_number_of_threads_does_not_show():
 def test_resolutions_grow_geometrically():
     assert GridConfig(5, 14, 16, 256).resolutions() == [16, 32, 64, 128, 256]
     assert GridConfig(1, 14, 16, 256).resolutions() == [16]
+
+
+def test_positions_are_followed_by_sines_and_cosines_of_doubled_frequencies():
+    x = torch.tensor([[0.25, -0.5, 0.1]])
+    expected = [0.25, -0.5, 0.1]
+    for wave in (np.sin, np.cos):
+        expected += [wave(2.0**k * np.pi * value) for k in range(2) for value in (0.25, -0.5, 0.1)]
+    np.testing.assert_allclose(positional(x, 2).numpy()[0], expected, atol=1e-6)

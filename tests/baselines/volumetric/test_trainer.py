@@ -39,8 +39,13 @@ def assert_identical(one, two):
         assert torch.equal(values, others), name
 
 
-def test_a_ball_is_learned(scene, tmp_path):
+@pytest.mark.parametrize("device", ["cpu", "cuda"])
+def test_a_ball_is_learned(scene, tmp_path, monkeypatch, device):
+    if device == "cuda" and not torch.cuda.is_available():
+        pytest.skip("needs an NVIDIA GPU")
+    monkeypatch.setenv("HYDROVIEWS_DEVICE", device)
     trained = fit(scene, SMALL, tmp_path)
+    assert trained.device == (torch.cuda.get_device_name() if device == "cuda" else "cpu")
     assert balls.psnr(trained.model.render, scene.train_views) > 24
     assert balls.psnr(trained.model.render, scene.test_views) > 21.5
 

@@ -1,3 +1,5 @@
+"""WildGaussians: what it is for, its look of each view, and its sky."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -5,18 +7,25 @@ import pytest
 import torch
 from disturbed import assert_found, disturbed, fitted, occluded
 from looks import hides_everything_and_says_so
-from splats import photographed
+from splats import BACKGROUND, camera, cloud, photographed
 from trainings import psnr
 
 import baselines.wild_gaussians.method as wild
 from baselines.gaussian_splatting import GaussianSplatting
 from baselines.masking.uncertainty import UncertaintyConfig
+from baselines.splatting.appearance.gaussians import AppearanceGaussians, with_appearance
+from baselines.splatting.backends import torch_rasterizer as reference
 from baselines.splatting.config import TrainerConfig
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.objective import Objective
+from baselines.splatting.rasterizer import backward_sh_sets, render_sh_sets
 from baselines.splatting.strategies.densification import DefaultStrategy
-from baselines.wild_gaussians.appearance import AppearanceConfig
+from baselines.splatting.strategies.relocation import MCMCStrategy
+from baselines.wild_gaussians.appearance import MIDDLE, AppearanceConfig, WildAppearance, toned
+from baselines.wild_gaussians.mean_appearance import mean_appearance
 from baselines.wild_gaussians.method import WildConfig, WildGaussians
+from baselines.wild_gaussians.sky import DISTANCE, Bounds, bounds_of, fibonacci, in_upper_part, with_room, with_sky
+from hydroviews.scene.scenes import Points
 
 GROWTH = DefaultStrategy(
     start=10, stop=150, every=20, budget=300, grow_grad2d=5e-5, reset_every=None, prune_scale3d=1.0
@@ -24,9 +33,7 @@ GROWTH = DefaultStrategy(
 SPLATTING = TrainerConfig(iterations=240, sh_degree=0, strategy=GROWTH, device="cpu")
 QUICK_APPEARANCE = AppearanceConfig(width=16, scale=0.3, rate=5e-3, view_rate=2e-2)
 CONFIG = WildConfig(
-    SPLATTING,
-    QUICK_APPEARANCE,
-    UncertaintyConfig("alexnet", start=60, warm_up=20, protected=0, rate=1e-2, every=2),
+    SPLATTING, QUICK_APPEARANCE, UncertaintyConfig("alexnet", start=60, warm_up=20, protected=0, rate=1e-2, every=2)
 )
 BRIEF = replace(CONFIG, splatting=replace(SPLATTING, iterations=16, checkpoint_seconds=0.0), sky=50)
 
@@ -88,3 +95,133 @@ def test_the_loss_is_l1_of_the_toned_look_and_ssim_of_the_plain_one(tmp_path):
 def test_masks_that_hide_everything_are_said(tmp_path, caplog):
     uncertain = replace(BRIEF.uncertainty, start=0, warm_up=0, prior=2.0)
     hides_everything_and_says_so(WildGaussians, replace(BRIEF, uncertainty=uncertain), tmp_path, caplog)
+
+
+BOUNDS = Bounds(np.zeros(3), 1.5)
+LIVELY = AppearanceConfig(width=16, scale=1.0)
+
+
+def appearance(views=3, config=LIVELY, seed=0):
+    return WildAppearance(views, BOUNDS, 100, config, seed)
+
+
+@pytest.mark.parametrize("degree", [0, 1, 3])
+def test_toned_coefficients_are_toned_colours(degree):
+    generator = torch.Generator().manual_seed(degree)
+    sh = torch.randn(20, (degree + 1) ** 2, 3, generator=generator, dtype=torch.float64)
+    gain, offset = (torch.randn(20, 3, generator=generator, dtype=torch.float64) for _ in range(2))
+    directions = torch.nn.functional.normalize(torch.randn(20, 3, generator=generator, dtype=torch.float64), dim=1)
+    basis = reference.basis(degree, directions)
+
+    def colour(coefficients):
+        return MIDDLE + (basis[:, :, None] * coefficients).sum(dim=1)
+
+    assert torch.allclose(colour(toned(sh, gain, offset)), gain * colour(sh) + offset, atol=1e-12)
+
+
+def test_gradients_are_those_of_float64():
+    ours, twin = appearance(), appearance().double()
+    gaussians, view = with_appearance(cloud(40, 1), ours), camera(24, 20)
+    weights = [np.random.default_rng(k).normal(size=(20, 24, 3)).astype(np.float32) for k in range(2)]
+    visible = AppearanceGaussians(gaussians, ours, view, 1, 1)
+    gradients, by_sh_sets = backward_sh_sets(
+        render_sh_sets(visible.gaussians, visible.sh, view, BACKGROUND)[1], np.stack(weights)
+    )
+    found = visible.backward(gradients.parameters, by_sh_sets, BufferPool())
+
+    leaves = {name: torch.from_numpy(v).double().requires_grad_() for name, v in gaussians.state_dict().items()}
+    background = torch.from_numpy(BACKGROUND).double()
+    loss = sum(
+        (reference.render({**leaves, "sh": sh}, view, background, 1, 0.01) * torch.from_numpy(weight)).sum()
+        for sh, weight in zip(twin.sh_sets(leaves, view, 1, 1), weights, strict=True)
+    )
+    loss.backward()
+    for name in ("sh", "features", "means"):
+        expected = leaves[name].grad.numpy()
+        assert np.abs(getattr(found, name) - expected).max() < 2e-3 * np.abs(expected).max(), name
+    for (name, mine), other in zip(ours.named_parameters(), twin.parameters(), strict=True):
+        assert (mine.grad - other.grad).abs().max() < 2e-3 * other.grad.abs().max(), name
+    assert ours.views.grad[1].any()
+    assert not ours.views.grad[[0, 2]].any()
+
+
+def test_gaussians_look_as_in_the_mean_of_the_views_that_show_them():
+    model, cameras = appearance(), [camera(24, 20, angle) for angle in (0.0, 0.05, np.pi)]
+    cameras[2] = camera(24, 20, np.pi, origin=(30, 0, 0))  # looks at something else
+    gaussians = with_appearance(
+        replace(cloud(3, 1, size=0.05), means=np.array([[0, 0, 0], [30, 0, 0], [0, 90, 0]], "f")), model
+    )
+    shown = mean_appearance(gaussians, model, cameras, 0.01, antialiased=False)
+    assert shown.features is None
+    parameters = {name: torch.from_numpy(value) for name, value in gaussians.state_dict().items()}
+    with torch.no_grad():
+        colours = [model.sh_sets(parameters, view, k, 1)[0].numpy() for k, view in enumerate(cameras)]
+    assert np.allclose(shown.sh[0], (colours[0][0] + colours[1][0]) / 2, atol=5e-3)  # as large in both
+    assert np.allclose(shown.sh[1], colours[2][1], atol=1e-5)
+    assert np.abs(shown.sh[2] - gaussians.sh[2]).max() > 0.05  # seen nowhere: toned as all are in the mean
+    assert np.abs(colours[0][0] - colours[1][0]).max() > 0.02
+
+
+def test_it_starts_from_the_colours_as_they_are():
+    model = appearance(config=AppearanceConfig())
+    gaussians = with_appearance(cloud(40, 1), model)
+    cameras = [camera(24, 20, angle) for angle in (0, 2, 4)]
+    assert np.abs(mean_appearance(gaussians, model, cameras, 0.01, antialiased=False).sh - gaussians.sh).max() < 0.02
+
+
+def test_points_are_spread_evenly_over_the_sphere():
+    points = fibonacci(1000)
+    assert np.allclose(np.linalg.norm(points, axis=1), 1)
+    assert np.abs(points.mean(axis=0)).max() < 1e-2
+    distances = np.linalg.norm(points[:, None] - points[None], axis=2) + 9 * np.eye(1000)
+    spacing = np.sqrt(4 * np.pi / 1000)
+    assert distances.min() > 0.7 * spacing
+    assert distances.min(axis=1).max() < 1.1 * spacing
+
+
+def test_the_upper_two_thirds_of_a_picture():
+    view = camera(30, 30)
+    pixels = np.array([[15, 1], [15, 19], [15, 21], [-1, 5], [29, 5]])
+    rays = np.stack([(pixels[:, 0] - view.cx) / view.fx, (pixels[:, 1] - view.cy) / view.fy, np.ones(5)], axis=1)
+    positions = 7 * rays @ view.world_to_camera[:3, :3] + view.centre
+    assert in_upper_part(positions, [view]).tolist() == [True, True, False, False, True]
+    assert not in_upper_part(2 * view.centre - positions, [view]).any()  # behind the camera
+
+
+def test_the_sky_lies_behind_the_scene_and_in_view(tmp_path):
+    scene = photographed(tmp_path, n_views=3)
+    bounds = bounds_of(scene)
+    assert np.allclose(bounds.centre, scene.points.positions.mean(axis=0))
+    inside = np.linalg.norm(scene.points.positions - bounds.centre, axis=1) <= bounds.radius
+    assert inside.mean() == pytest.approx(0.97, abs=0.01)
+
+    n, wider = len(scene.points), with_sky(scene, bounds, 500)
+    sky = wider.points.positions[n:]
+    assert 20 < len(sky) < 400
+    assert np.array_equal(wider.points.positions[:n], scene.points.positions)
+    assert np.allclose(np.linalg.norm(sky - bounds.centre, axis=1), DISTANCE * bounds.radius)
+    assert in_upper_part(sky, [view.camera for view in scene.train_views]).all()
+    assert with_sky(scene, bounds, 0) is scene
+
+
+def test_points_that_are_no_numbers_do_not_move_the_bounds_and_few_have_those_of_the_cameras_and_no_sky(tmp_path):
+    scene = photographed(tmp_path, n_views=3)
+    positions = np.concatenate([scene.points.positions, [[np.nan, 0, 0]]])
+    broken, few = (
+        replace(scene, points=Points(given, np.zeros((len(given), 3), np.uint8)))
+        for given in (positions, positions[:9])
+    )
+    assert np.array_equal(bounds_of(broken).centre, bounds_of(scene).centre)
+    bounds = bounds_of(few)
+    assert bounds.radius > 1
+    assert with_sky(few, bounds, 500) is few
+
+
+def test_gaussians_of_the_sky_may_be_as_large_as_they_are_far():
+    bounds, config = Bounds(np.zeros(3), 2.0), TrainerConfig()
+    roomy = with_room(config, bounds, 400, extent=2.0)
+    assert roomy.strategy.prune_scale3d == pytest.approx(3 * 20 * np.sqrt(4 * np.pi / 400) / 2)
+    assert replace(roomy, strategy=config.strategy) == config
+    assert with_room(config, bounds, 0, 2.0) is config
+    relocating = replace(config, strategy=MCMCStrategy())
+    assert with_room(relocating, bounds, 400, 2.0) is relocating

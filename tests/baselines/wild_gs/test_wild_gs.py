@@ -1,4 +1,4 @@
-"""Wild-GS as a method: what it is for, what it survives, its files, resumption, and the profiles."""
+"""Wild-GS: what it is for, its files, and what a view's colours are made of, when, and what may not be in them."""
 
 from dataclasses import replace
 
@@ -6,41 +6,28 @@ import numpy as np
 import pytest
 import torch
 from disturbed import fitted
-from looks import (
-    BRIEF,
-    GROWING,
-    SPLATTING,
-    cast,
-    true_pictures,
-)
-from splats import cloud, photographed
+from looks import BRIEF, GROWING, SPLATTING, cast, held_out, true_pictures, whole
+from splats import camera, cloud, photographed
 
+from baselines.encoders.objective import PerceptualObjective
 from baselines.gaussian_splatting import GaussianSplatting
 from baselines.method import check_hidden
-from baselines.splatting.appearance.gaussians import gaussians_in_view
+from baselines.splatting.appearance.gaussians import AppearanceGaussians, gaussians_in_view, with_appearance
 from baselines.splatting.files.ply import SPLATS, read_ply
+from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.splats.sh_coefficients import C0
 from baselines.splatting.rasterizer import render
+from baselines.training.images import TrainingImages
+from baselines.wild_gs.appearance import LookAppearance
+from baselines.wild_gs.colours import REST
 from baselines.wild_gs.config import SHORT
 from baselines.wild_gs.mean_look import mean_look
 from baselines.wild_gs.method import WildGS, WildGSConfig
 from baselines.wild_gs.triplane import CHANNELS
-from hydroviews.metrics.psnr import psnr
 from hydroviews.scene.images import write_png
 
 # Where light differs and nothing comes and goes: masks would take casts for that.
 LIGHT = replace(BRIEF, absent=0.0, visible_from=2.0)
-
-
-def held_out(method, scene, truth, parts):
-    """PSNR of the held-out views, after the best gains of each of their parts, which a cast on it leaves open."""
-    scores = []
-    for view in scene.test_views:
-        image, expected = method.render(view.camera).copy(), truth[view.name]
-        for part in parts(view.camera):
-            image[part] *= (image[part] * expected[part]).sum(axis=0) / (image[part] ** 2).sum(axis=0)
-        scores.append(psnr(np.clip(image, 0, 1), expected))
-    return float(np.mean(scores))
 
 
 def things_lit():
@@ -56,11 +43,6 @@ def cast_on_a_part(scene):
         colours = np.maximum(0.5 + C0 * things.sh[:, 0], 0).astype(np.float32)
         colours[lit] *= np.exp(rng.normal(-0.5, 0.4, 3)).astype(np.float32)
         write_png(view.path, np.clip(render(things.coloured(colours), view.camera)[0], 0, 1))
-
-
-def whole(camera):
-    """All of a picture as one part [1, H, W]."""
-    return np.ones((1, camera.height, camera.width), bool)
 
 
 def lit_or_not(camera):
@@ -124,3 +106,116 @@ def test_the_mean_look_is_that_of_the_views_where_they_agree(alike, monkeypatch)
     assert np.allclose(mean.sh[rows], own.sh, atol=1e-5)
     assert np.abs(mean.sh - gaussians.sh).max() > 0.05
     assert mean.features is None
+
+
+HEIGHT, WIDTH = 30, 41
+SEEING = replace(SHORT, absent=0.0, local_from=0.0, side=16, lifted=41, shrink=1, box=1.8)  # all of it in every step
+VIEW = camera(WIDTH, HEIGHT)
+
+
+def appearance_of(config=SEEING, pixels=None, iterations=10, ignored=()):
+    rng = np.random.default_rng(0)
+    pixels = rng.integers(0, 255, (2, HEIGHT, WIDTH, 3)).astype(np.uint8) if pixels is None else pixels
+    return LookAppearance(TrainingImages(list(pixels), ignored), config, 1, iterations, 0, 0.1)
+
+
+def restless(appearance):
+    """The same with a last layer that says something."""
+    torch.manual_seed(1)
+    with torch.no_grad():
+        appearance.colours.colour[-1].weight.normal_(0, 0.1)
+    return appearance
+
+
+def opaque(count=200):
+    """Gaussians that cover the view."""
+    gaussians = cloud(count, 1, size=0.25)
+    return replace(gaussians, opacity_logits=np.full(count, 3, np.float32))
+
+
+def shown(appearance, view=0):
+    return AppearanceGaussians(with_appearance(opaque(), appearance), appearance, VIEW, view, 1)
+
+
+def test_colours_are_what_the_layers_say_of_codes_and_intrinsic_numbers():
+    colours = restless(appearance_of()).colours
+    codes, intrinsic = torch.rand(7, 2 * SEEING.code), torch.rand(7, SEEING.intrinsic)
+    found = colours.added(codes, intrinsic)
+    said = colours.colour(torch.cat([codes, intrinsic], dim=1)).reshape(7, 4, 3)
+    assert torch.allclose(found[:, 0], said[:, 0] / C0)
+    assert torch.allclose(found[:, 1:], REST * said[:, 1:] / C0)
+
+
+def test_what_lies_beyond_the_box_shares_one_local_code():
+    colours = appearance_of().colours
+    colours.enclose(cloud(500).means)
+    with torch.no_grad():
+        colours.outside.normal_()
+    positions = torch.tensor([[0, 0, 0], [0.9, -0.9, 0.5], [1.1, 0, 0], [0, -7, 0]])
+    whole, places = torch.rand(colours.of_whole[0].in_features), torch.rand(4, CHANNELS)
+    codes = colours.codes(whole, places, positions)
+    local = codes[:, SEEING.code :]
+    assert torch.allclose(local[:2], colours.of_place(places[:2]))
+    assert torch.equal(local[2:], colours.outside.expand(2, -1))
+    assert torch.equal(codes[:, : SEEING.code], colours.of_whole(whole).expand(4, -1))
+    assert torch.equal(colours.codes(whole, None, positions)[:, SEEING.code :], colours.outside.expand(4, -1))
+
+
+def test_gradients_reach_the_gaussians_colours_and_numbers_every_network_and_no_position():
+    appearance = restless(appearance_of())
+    found = shown(appearance)
+    upstream = cloud(200, 1, seed=5).select(found.rows)
+    gradients = found.backward(upstream, upstream.sh[None], BufferPool())
+    assert np.array_equal(gradients.means[found.rows], upstream.means)
+    assert np.array_equal(gradients.sh[found.rows], upstream.sh)
+    assert np.abs(gradients.features[found.rows]).sum(axis=1).min() > 0
+    assert appearance._leaves[0].grad.abs().sum() > 0
+    learning = [*appearance.triplane.named_parameters(), *appearance.colours.named_parameters()]
+    lazy = [name for name, p in learning if p.grad is None or not p.grad.abs().sum() > 0]
+    assert lazy in ([], ["outside"])  # what is in sight may all be within the box
+
+
+def parameters_of(appearance):
+    return {name: torch.from_numpy(v) for name, v in with_appearance(opaque(), appearance).state_dict().items()}
+
+
+def test_the_look_of_a_place_is_that_of_the_pixels_there():
+    """Half of a photograph turns red: so do about half of the places on the planes, and the others stay as they are."""
+    pixels = np.full((2, HEIGHT, WIDTH, 3), 128, np.uint8)
+    pixels[1, :, : WIDTH // 2] = (255, 0, 0)
+    appearance, everything = restless(appearance_of(pixels=pixels)), torch.ones(8, 11)
+    with torch.no_grad():
+        before, after = (appearance.pictures(v, everything, parameters_of(appearance), VIEW) for v in (0, 1))
+    changed = (before != after).any(dim=1)
+    assert 0.3 < float(changed.sum() / (before[:, [3, 7]] > 0).any(dim=1).sum()) < 0.7
+    assert torch.equal(before[:, 3], after[:, 3])  # the points are the same, their colours are not
+
+
+def test_what_is_masked_or_hidden_is_not_lifted():
+    ignored = np.zeros((HEIGHT, WIDTH), bool)
+    ignored[:, :20] = True
+
+    def points(visible, hidden=()):
+        appearance = appearance_of(ignored=hidden)
+        return float((appearance.pictures(0, visible, parameters_of(appearance), VIEW)[:, 3] > 0).float().sum())
+
+    all_seen, half, nothing = torch.ones(8, 11), torch.ones(8, 11), torch.full((8, 11), 0.4)
+    half[:, 5:] = 0.4
+    everything = points(all_seen)
+    assert points(nothing) == 0
+    assert 0 < points(half) < everything
+    assert 0 < points(all_seen, [ignored, None]) < everything
+
+
+def test_the_mask_learns_at_the_price_of_the_step():
+    """By m [h', w'] of the loss: a part that its pixels' losses give, and 2 price (m - 1) / (h' w')."""
+    appearance = appearance_of(replace(SEEING, visible_from=0.0), iterations=101)
+    rule = PerceptualObjective(appearance._images, 0.2, appearance)
+    image, gradients = np.full((HEIGHT, WIDTH, 3), 0.5, np.float32), []
+    for iteration in (0, 100):
+        appearance._encoded(0)
+        rule(image, 0, iteration, BufferPool())
+        gradients.append(appearance.visible.grad)
+    hidden = 1 - appearance.visible.detach()
+    assert torch.allclose(gradients[0] - gradients[1], -2 * 0.3 * hidden / hidden.numel(), atol=1e-7)
+    assert hidden.min() > 0.01

@@ -33,8 +33,7 @@ def pictures(folder, count: int = 2):
 def weights(tmp_path):
     """Of a network that changes nothing."""
     path = tmp_path / "weights.safetensors"
-    network = EnhancementNetwork(TINY)
-    FILES.save(path, network, {"data": "nothing", "steps": 0})
+    FILES.save(path, EnhancementNetwork(TINY), {"data": "nothing", "steps": 0})
     return path
 
 
@@ -78,11 +77,12 @@ def test_a_sheet_is_not_taken_for_a_picture(tmp_path, weights, name):
 def test_fog_can_be_kept_and_pictures_be_looked_at_alone(tmp_path, weights, monkeypatch, options, removed, known):
     pictures(tmp_path / "in")
     asked = []
-    monkeypatch.setattr(
-        commands,
-        "enhance",
-        lambda image, enhancer, remove_mist, lens: asked.append((remove_mist, lens is not None)) or image,
-    )
+
+    def enhance(image, enhancer, remove_mist, lens):
+        asked.append((remove_mist, lens is not None))
+        return image
+
+    monkeypatch.setattr(commands, "enhance", enhance)
     enhance_command(tmp_path / "in", tmp_path / "out", str(weights), **options)
     assert asked == [(removed, known)] * 2
 
@@ -104,15 +104,12 @@ def test_no_picture_is_lost_when_others_are_enhanced(tmp_path, weights):
 @pytest.mark.parametrize("program", [commands, attention])
 @pytest.mark.parametrize("name", ["weights.safetensors", "weights.json", "curve.csv"])
 def test_files_of_the_users_where_networks_are_trained_stay(tmp_path, program, name):
-    (tmp_path / "trained").mkdir()
-    mine = tmp_path / "trained" / name
+    mine, photographs = tmp_path / "trained" / name, tmp_path / "photographs"
+    mine.parent.mkdir()
     mine.write_text("mine")
-    photographs = tmp_path / "photographs"
-    request = {commands: lambda: TrainingRequest(Data((photographs,)), out=mine.parent)}.get(
-        program, lambda: attention.TrainingRequest(photographs, out=mine.parent)
-    )()
+    data = Data((photographs,)) if program is commands else photographs
     with pytest.raises(InputError, match=f"{name}: not written by HydroViews, and in the way"):
-        program.train_command(request)
+        program.train_command(program.TrainingRequest(data, out=mine.parent))
     assert mine.read_text() == "mine"
 
 
@@ -136,10 +133,16 @@ def test_describe_counts(capsys):
     assert "1,207,328" in capsys.readouterr().out
 
 
-def test_nothing_is_exported_where_nothing_was_trained(tmp_path):
+def test_what_cannot_be_trained_or_exported_is_refused(tmp_path):
     pictures(tmp_path / "photographs")
     with pytest.raises(InputError, match="nothing has been trained"):
         export_command(TrainingRequest(Data((tmp_path / "photographs",)), out=tmp_path / "empty"))
+    with pytest.raises(InputError, match="cannot cut parts of 192x192 pixels"):
+        train_command(TrainingRequest(Data((tmp_path / "photographs",), sides=(384, 240)), out=tmp_path / "out"))
+    assert not (tmp_path / "out").exists()
+    for wrong in ({"sides": ()}, {"lenses": 0}, {"without": ("fog",)}):
+        with pytest.raises(InputError, match=r"nothing to learn from|fog"):
+            Data((tmp_path,), **wrong)
 
 
 def test_what_a_training_begins_with_stands_in_its_data(tmp_path, weights):
@@ -167,16 +170,3 @@ def test_all_that_is_learned_from_stands_in_the_data(tmp_path):
         write_png(changed, np.zeros((99, 99, 3), np.float32))
         found.append(described(data, None))
     assert len(set(found)) == 3
-
-
-@pytest.mark.parametrize("wrong", [{"sides": ()}, {"lenses": 0}, {"without": ("fog",)}])
-def test_there_has_to_be_a_size_and_a_lens(tmp_path, wrong):
-    with pytest.raises(InputError, match=r"nothing to learn from|fog"):
-        Data((tmp_path,), **wrong)
-
-
-def test_parts_have_to_fit_into_the_smallest_frame(tmp_path):
-    pictures(tmp_path / "photographs")
-    with pytest.raises(InputError, match="cannot cut parts of 192x192 pixels"):
-        train_command(TrainingRequest(Data((tmp_path / "photographs",), sides=(384, 240)), out=tmp_path / "out"))
-    assert not (tmp_path / "out").exists()

@@ -1,12 +1,14 @@
-"""What is to be expected of mist: sources of known means and errors, one missing or another."""
+"""What is to be expected of mist: what points show of it, sources of known means and errors, one missing or another."""
 
 from dataclasses import replace
 
 import numpy as np
+import panorama
 import pytest
-from pale_points import AIR, VIEWS, alpha_at, pale_points
+from pale_points import AIR, TYPICAL_DEPTH, VIEWS, alpha_at, pale_points
 
-from deraings.lens.mist_bounds import MistBounds
+from baselines.training.images import TrainingImages
+from deraings.lens.mist_bounds import MistBounds, mist_bounds, mist_light
 from deraings.lens.mist_prior import (
     LEAST,
     NETWORK_LEAST,
@@ -16,7 +18,7 @@ from deraings.lens.mist_prior import (
     mist_prior,
     weighed_mean,
 )
-from deraings.lens.paleness import MistEvidence, paleness_of
+from deraings.lens.paleness import MIN_VIEWS, MistEvidence, fit_paleness, mist_evidence, paleness_of
 
 ROWS = np.stack(np.meshgrid(np.linspace(0, 1, 6), np.linspace(0, 1, 5)), axis=2)
 CELL_ROWS = np.broadcast_to(((np.arange(16) + 0.5) / 16)[:, None, None], (16, 16, 2))
@@ -52,10 +54,11 @@ def test_the_mean_of_sources_is_weighed_by_the_inverse_variances():
 
 def test_with_nothing_but_the_bound_any_mist_up_to_it_is_as_likely():
     bounds = bounds_of()
-    prior = prior_of(bounds, no_network)
-    assert prior.mean == pytest.approx(bounds.possible / 2)
-    assert prior.deviation == pytest.approx(np.maximum(bounds.possible / np.sqrt(12), LEAST), rel=1e-4)
-    assert prior.evidence.paleness is None
+    for points in (None, pale_points(points=10)):  # too few say nothing
+        prior = prior_of(bounds, no_network, points)
+        assert prior.mean == pytest.approx(bounds.possible / 2)
+        assert prior.deviation == pytest.approx(np.maximum(bounds.possible / np.sqrt(12), LEAST), rel=1e-4)
+        assert prior.evidence.paleness is None
 
 
 @pytest.mark.parametrize("alpha", [0.0, 0.3, 0.6])
@@ -67,35 +70,25 @@ def test_a_network_that_is_sure_is_followed(alpha):
 
 
 def test_the_error_of_a_network_is_that_over_photographs_and_what_photographs_share():
-    bounds = bounds_of()
-    found = prior_of(bounds, sees(0.5, 0.02)).deviation[:, 2]
-    mean = 0.5 * bounds.possible[:, 2]
-    expected = weighed_mean(
-        [
-            (mean, bounds.possible[:, 2] / np.sqrt(12)),
-            (mean, np.sqrt(0.02**2 + (NETWORK_SHARE * mean) ** 2 + NETWORK_LEAST**2)),
-        ]
-    )[1]
-    assert found == pytest.approx(expected, rel=0.02)
+    possible = bounds_of().possible[:, 2]
+    mean = 0.5 * possible
+    own = np.sqrt(0.02**2 + (NETWORK_SHARE * mean) ** 2 + NETWORK_LEAST**2)
+    expected = weighed_mean([(mean, possible / np.sqrt(12)), (mean, own)])[1]
+    assert prior_of(bounds_of(), sees(0.5, 0.02)).deviation[:, 2] == pytest.approx(expected, rel=0.02)
 
 
-def test_a_network_of_larger_error_is_followed_less():
-    bounds = bounds_of()
-    means = [prior_of(bounds, sees(0.0, error)).mean.mean() for error in (0.0, 0.05, 5.0)]
-    assert means == sorted(means)
-    assert means[0] < 0.2 * means[2]
-    assert means[2] == pytest.approx(bounds.possible.mean() / 2, rel=0.01)
+def test_what_a_network_predicts_at_one_time_is_expected_then_and_nothing_for_a_time_does_not_count():
+    def late(view):
+        return sees(0.0)(view) if view >= VIEWS // 2 else None
 
+    def some(view):
+        return sees(0.0)(view) if view % 5 == 0 else None
 
-def test_a_network_that_predicts_nothing_for_a_time_does_not_count():
-    late = lambda view: sees(0.0)(view) if view >= VIEWS // 2 else None  # noqa: E731
+    def drying(view):
+        return sees(1.0 if view < VIEWS // 2 else 0.0)(view)
+
     assert np.array_equal(prior_of(bounds_of(), late).mean, prior_of(bounds_of(), no_network).mean)
-    some = lambda view: sees(0.0)(view) if view % 5 == 0 else None  # noqa: E731
     assert np.array_equal(prior_of(bounds_of(), some).mean, prior_of(bounds_of(), sees(0.0)).mean)
-
-
-def test_what_a_network_predicts_at_one_time_is_expected_then():
-    drying = lambda view: sees(1.0 if view < VIEWS // 2 else 0.0)(view)  # noqa: E731
     first, last = prior_of(bounds_of(), drying).mean.mean(axis=(1, 2))
     assert first > 3 * last
 
@@ -127,12 +120,6 @@ def test_fog_widens_and_never_lowers_below_no_mist():
         assert prior.evidence.paleness is not None
 
 
-def test_too_few_points_say_nothing():
-    prior = prior_of(bounds_of(), no_network, pale_points(points=10))
-    assert prior.evidence.paleness is None
-    assert np.array_equal(prior.mean, prior_of(bounds_of(), no_network).mean)
-
-
 def test_no_more_is_expected_than_the_photographs_allow():
     bounds = bounds_of(even=0.0)
     prior = prior_of(replace(bounds, max_alpha=bounds.possible / 4), sees(3.0))
@@ -153,3 +140,80 @@ def test_no_more_is_expected_than_the_photographs_allow():
 def test_a_network_a_wet_lens_or_points_show_that_there_is_mist(network, share, fog, wet, exists):
     prior = prior_of(bounds_of(), network, pale_points(share, fog))
     assert mist_exists(prior, wet) == exists
+
+
+SIZE = panorama.HEIGHT, panorama.WIDTH
+PIXEL_ROWS = np.broadcast_to(np.linspace(0, 1, SIZE[0])[:, None, None], (*SIZE, 2))
+
+
+def fitted(points):
+    return fit_paleness(points, alpha_at(points.places), AIR)
+
+
+def misted_pictures(count=24):
+    scene = panorama.views_of(panorama.paint(), count)
+    return panorama.eight_bit(panorama.misted(scene, alpha_at(PIXEL_ROWS), AIR))
+
+
+@pytest.mark.parametrize("drops", [0.0, 0.15])
+@pytest.mark.parametrize("upright", [0.0, 0.9])
+@pytest.mark.parametrize("fog", [0.0, 0.3, 1.0])
+@pytest.mark.parametrize("mist", [0.0, 0.5, 1.0])
+def test_mist_is_told_from_fog(mist, fog, upright, drops):
+    found = fitted(pale_points(mist, fog, upright, drops))
+    # Deviations are taken for shares of what mist has left: it is 0.2 in the mean.
+    assert found.mist == pytest.approx(mist / (1 - 0.2 * mist), abs=0.1 + 0.2 * fog)
+    assert found.fog == pytest.approx(fog * np.log(2) * TYPICAL_DEPTH, rel=0.25, abs=0.03)
+
+
+def test_the_standard_error_falls_with_the_root_of_the_number_of_points_and_grows_with_noise():
+    few, many, noisy = (
+        fitted(pale_points(points=points, noise=noise)).mist_error
+        for points, noise in ((100, 0.02), (1600, 0.02), (100, 0.06))
+    )
+    assert few / many == pytest.approx(4, rel=0.3)
+    assert 2 < noisy / few < 4
+
+
+def test_the_standard_error_covers_the_scatter_of_what_is_found():
+    found = [fitted(pale_points(0.5, points=150, noise=0.03, seed=seed)) for seed in range(12)]
+    scatter = np.std([each.mist for each in found])
+    assert 0 < scatter < np.mean([each.mist_error for each in found]) < 0.3
+
+
+def test_too_little_is_no_evidence():
+    assert fitted(pale_points(views=MIN_VIEWS - 1)) is None
+    points = pale_points()
+    assert fit_paleness(points, np.full_like(points.depths, 0.3), AIR) is None
+    points.seen[30:] = False
+    assert fitted(points) is None
+
+
+@pytest.mark.parametrize("mist", [0.0, 0.5])
+def test_photographs_say_where_mist_may_be_and_points_how_much_of_it_is_there(mist):
+    bounds = mist_bounds(misted_pictures())
+    found = paleness_of(bounds, pale_points(mist, air=bounds.colour))
+    assert found.mist == pytest.approx(mist / (1 - 0.2 * mist), abs=0.15)
+
+
+def test_points_under_drops_do_not_count():
+    """A drop of one colour lies over the lower quarter of the lens, where points show its colour."""
+    pictures = misted_pictures()
+    for picture in pictures:
+        picture[33:] = 128
+    bounds = mist_bounds(pictures)
+    points = pale_points(0.5, air=bounds.colour)
+    points.colours[points.places[..., 1] > 0.8] = 128 / 255
+    wet, dry = (paleness_of(given, points) for given in (replace(bounds, masks=[None] * len(pictures)), bounds))
+    alone = replace(points, seen=points.seen & (points.places[..., 1] < 0.7))
+    expected = paleness_of(bounds, alone).mist
+    assert dry.mist == pytest.approx(expected, abs=0.1)
+    assert abs(wet.mist - expected) > 0.2
+
+
+@pytest.mark.parametrize(("fog", "foggy"), [(0.0, False), (0.5, True)])
+def test_fog_in_the_scene_is_found(fog, foggy):
+    images = TrainingImages(misted_pictures())
+    air = mist_light([images.pixels(view) for view in range(len(images))])
+    assert mist_evidence(images, pale_points(0.5, fog, air=air)).foggy == foggy
+    assert not mist_evidence(images).foggy

@@ -1,3 +1,5 @@
+"""Mist on the lens: its kernels against the formula, what is learned of it, and what is expected."""
+
 import numpy as np
 import panorama
 import pytest
@@ -9,16 +11,9 @@ from baselines.training.images import TrainingImages
 from deraings.lens.mist_prior import NetworkMist
 from deraings.lens.paleness import mist_evidence
 from deraings.rain_model.config import MistConfig
-from deraings.rain_model.kernels import add_mist
-from deraings.rain_model.mist import (
-    FINAL_RATE,
-    MOST_ALPHA,
-    NOISE,
-    Mist,
-    MistGradient,
-    difference_gradient,
-    spreading,
-)
+from deraings.rain_model.kernels import add_mist, mist_gradient
+from deraings.rain_model.mist import MOST_ALPHA, NOISE, Mist, MistGradient, difference_gradient, spreading
+from hydroviews.scene.images import to_linear, to_srgb
 
 AIR = np.array([0.55, 0.6, 0.65], np.float32)
 STEPS, COUNT = 400, 10
@@ -101,24 +96,8 @@ def test_what_a_network_leaves_of_the_mist_and_what_it_takes_away_are_all_of_the
     assert not mist.left_knots(0).any()
 
 
-def prior_pull(mist, away):
-    """Gradient by sqrt(mist_alpha), in its own units, where mist_alpha is so many deviations from its prior."""
-    mist.prior = mist.prior._replace(mean=np.full_like(mist.roots, 0.3), deviation=np.full_like(mist.roots, 0.02))
-    mist.roots[:] = np.sqrt(0.3 + 0.02 * away)
-    return mist.with_priors(0, np.zeros_like(mist.knots(0)), np.zeros(3, np.float32)).roots.sum()
-
-
-def test_the_prior_has_heavy_tails(pictures):
-    """Photographs may show far more or less mist in a place: beyond a deviation the pull grows weaker again."""
-    mist = mist_of(pictures)
-    pulls = [prior_pull(mist, away) for away in (0.3, 1, 3, 10)]
-    assert pulls[1] == max(pulls)
-    assert 0 < pulls[3] < 0.4 * pulls[1]
-    assert prior_pull(mist, 0) == pytest.approx(0, abs=1e-6)
-    assert prior_pull(mist, -1) < 0 < prior_pull(mist, 1)
-
-
 def test_the_gradient_of_prior_and_roughness_agrees_with_differences(pictures):
+    """The prior has heavy tails: photographs may show far more or less mist in a place."""
     config = MistConfig(prior=2e-3)
     mist, rng = mist_of(pictures, config), np.random.default_rng(0)
     mist.roots[:] = rng.uniform(0.2, 0.7, mist.roots.shape)
@@ -166,30 +145,6 @@ def test_mist_stays_within_what_photographs_allow(pictures):
     assert mist.roots.max() == 0
 
 
-def test_the_steps_of_mist_fall_over_the_training(pictures):
-    moved = []
-    for iteration in (0, STEPS):
-        mist = mist_of(pictures)
-        before = mist.colour.copy()
-        push(mist, by_colour=1e-3, iteration=iteration)
-        moved.append(before - mist.colour)
-    assert moved[1] == pytest.approx(FINAL_RATE * moved[0], rel=0.01)
-
-
-def test_mist_that_comes_back_from_its_state_takes_the_same_steps(pictures):
-    """Adam counts the steps that mist takes, which are not those of the training."""
-    one, other = mist_of(pictures), mist_of(pictures)
-    for step in range(10):
-        push(one, 1e-3, 1e-3, 2 * step)
-    other.load_state_dict({name: value.copy() for name, value in one.state_dict().items()})
-    assert other.steps == 10
-    for step in range(10, 15):
-        for mist in (one, other):
-            push(mist, -2e-3, 1e-3, 2 * step)
-    for name, value in one.state_dict().items():
-        assert np.array_equal(value, other.state_dict()[name]), name
-
-
 def test_mist_that_drifts_is_followed():
     scene = panorama.views_of(panorama.paint(), 24)
     first, last = panorama.slanted_mist(0.4), panorama.slanted_mist(0.4)[:, ::-1]
@@ -224,3 +179,69 @@ def test_the_gradient_of_differences_is_the_sign_and_weighed():
     found = difference_gradient(seen, photograph, weights) * seen.size
     assert found[..., 0] == pytest.approx(np.float32([[1, -0.5, -0.5], [0, 0, 0]]), abs=1e-5)
     assert difference_gradient(seen, photograph, None)[0, 1] * seen.size == pytest.approx([-1, -1, -1])
+
+
+SHAPE = 13, 17, 3
+COLOUR = np.array([0.7, 0.75, 0.8], np.float32)
+
+
+@pytest.fixture
+def picture():
+    rng = np.random.default_rng(0)
+    return rng.uniform(0, 1, SHAPE).astype(np.float32), rng.uniform(0.05, 0.9, SHAPE[:2]).astype(np.float32)
+
+
+def exact(image, alpha, colour):
+    return to_srgb(to_linear(image) * (1 - alpha[..., None]) + alpha[..., None] * colour)
+
+
+def test_the_curve_is_that_of_srgb_from_black_to_beyond_white():
+    """Decoded and encoded again, and light alone: every value of a picture as to_srgb and to_linear have it."""
+    values = np.concatenate([np.linspace(0, 0.08, 3001), np.linspace(0.08, 1.8, 3000)]).astype(np.float32)
+    image = np.repeat(values[None, :, None], 3, axis=2)
+    for alpha in (1e-6, 0.05, 0.9):
+        plane = np.full(image.shape[:2], alpha, np.float32)
+        out = add_mist(image, plane, COLOUR, np.empty_like(image)).astype(np.float64)
+        wide = image.astype(np.float64)
+        light = np.where(wide <= 0.04045, wide / 12.92, ((wide + 0.055) / 1.055) ** 2.4) * (1 - alpha) + alpha * COLOUR
+        expected = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+        assert np.abs(out - expected).max() < 1e-5
+
+
+def test_no_mist_leaves_the_very_same_pixels(picture):
+    image, alpha = picture
+    out = add_mist(image * 3, np.zeros_like(alpha), COLOUR, np.empty_like(image))
+    assert np.array_equal(out, image * 3)
+
+
+def test_gradients_agree_with_differences(picture):
+    image, alpha = picture
+    image = 0.05 + 0.9 * image  # away from the kink of the curve
+    toward = np.random.default_rng(1).standard_normal(SHAPE).astype(np.float32)
+    misted = add_mist(image, alpha, COLOUR, np.empty_like(image))
+    told = np.random.default_rng(3).standard_normal(SHAPE).astype(np.float32)
+    g_image, g_alpha, g_colour = mist_gradient(image, misted, alpha, COLOUR, toward, told, BufferPool())
+    step = 1e-3
+
+    def change(toward, **moved):
+        values = {"image": image, "alpha": alpha, "colour": COLOUR}
+        up = exact(**{**values, **{k: values[k] + step * d for k, d in moved.items()}})
+        down = exact(**{**values, **{k: values[k] - step * d for k, d in moved.items()}})
+        return float(((up.astype(np.float64) - down) / (2 * step) * toward).sum())
+
+    rng = np.random.default_rng(2)
+    for name, gradient, given in (("image", g_image, toward), ("alpha", g_alpha, told), ("colour", g_colour, told)):
+        direction = rng.choice([-1.0, 1.0], gradient.shape).astype(np.float32)
+        assert change(given, **{name: direction}) == pytest.approx(
+            float((gradient * direction).sum()), rel=0.02, abs=0.05
+        )
+
+
+def test_pixels_brighter_than_white_stay_finite():
+    image = np.full((2, 2, 3), 9.0, np.float32)
+    alpha = np.full((2, 2), 0.5, np.float32)
+    out = add_mist(image, alpha, COLOUR, np.empty_like(image))
+    g_image, g_alpha, _ = mist_gradient(image, out, alpha, COLOUR, *(2 * [np.ones_like(image)]), BufferPool())
+    assert np.isfinite(out).all()
+    assert np.isfinite(g_image).all()
+    assert np.isfinite(g_alpha).all()

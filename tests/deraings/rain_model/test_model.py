@@ -50,11 +50,14 @@ def views():
     return rainy_views()
 
 
+def model_of(photographs, *network, **covers):
+    return RainModel(TrainingImages(panorama.eight_bit(photographs)), STEPS, CONFIG, *network, **covers)
+
+
 @pytest.fixture
 def model(views, found):
     """A model that has found all kinds of rain."""
-    photographs, _ = views
-    model = RainModel(TrainingImages(panorama.eight_bit(photographs)), STEPS, CONFIG)
+    model = model_of(views[0])
     model.load_state_dict({name: value.copy() for name, value in found.items()})
     return model
 
@@ -63,7 +66,7 @@ def model(views, found):
 def found(views):
     """The state of such a model."""
     photographs, scene = views
-    model, buffers = RainModel(TrainingImages(panorama.eight_bit(photographs)), STEPS, CONFIG), BufferPool()
+    model, buffers = model_of(photographs), BufferPool()
     for i in range(60):
         step(model, photographs[i % COUNT], scene[i % COUNT], i % COUNT, i, buffers)
     return state_of(model)
@@ -101,27 +104,18 @@ def test_the_gradient_agrees_with_differences(model, views):
     assert by_mist.colour.any()
 
 
-def test_only_update_learns(model, views):
+def test_only_update_learns_and_leaves_what_was_seen_as_it_was(model, views):
+    """Views without their single streaks are rendered for it, in the same buffers."""
     photographs, scene = views
     before, buffers = state_of(model), BufferPool()
     seen, observed = model.forward(scene[3], 3, 60, buffers), Observation(photographs[3], None, None, None)
+    kept = [part.copy() for part in (seen.image, seen.without_drops, seen.rained)]
     _, by_mist = model.backward(seen, np.ones((*SIZE, 3), np.float32), observed, buffers)
     assert same(before, state_of(model))
     model.update(seen, observed, by_mist, buffers)
     after = state_of(model)
     for part in ("mist", "drops", "rainfall"):
         assert not same(*({n: v for n, v in state.items() if n.startswith(part)} for state in (before, after)))
-
-
-def test_an_update_leaves_what_was_seen_as_it_was(model, views):
-    """Views without their single streaks are rendered for it, in the same buffers."""
-    photographs, scene = views
-    buffers = BufferPool()
-    seen = model.forward(scene[3], 3, 60, buffers)
-    kept = seen.image.copy(), seen.without_drops.copy(), seen.rained.copy()
-    observed = Observation(photographs[3], None, None, None)
-    _, by_mist = model.backward(seen, np.ones((*SIZE, 3), np.float32), observed, buffers)
-    model.update(seen, observed, by_mist, buffers)
     assert model.rainfall.deviation(3) is not None
     assert all(np.array_equal(a, b) for a, b in zip(kept, (seen.image, seen.without_drops, seen.rained), strict=True))
 
@@ -180,9 +174,7 @@ def test_what_a_network_predicts_is_evidence_of_each_layer(views):
     covers[(slice(None), *DROP)] = 0.8
     light = np.full((16, 16), 0.02, np.float32)
     network = PretendedNetwork(photographs, covers, NetworkMist(light, light / 10))
-    images = TrainingImages(panorama.eight_bit(photographs))
-    alone = RainModel(images, STEPS, CONFIG)
-    model = RainModel(images, STEPS, CONFIG, network, covers=network)
+    alone, model = model_of(photographs), model_of(photographs, network, covers=network)
     assert model.mist.prior.deviation.mean() < alone.mist.prior.deviation.mean()
     assert model.occluded(3, SIZE)[DROP].mean() == pytest.approx(0.8, abs=0.01)
     assert not alone.occluded(3, SIZE).any()
@@ -193,9 +185,6 @@ def test_what_a_network_predicts_is_evidence_of_each_layer(views):
     assert weights[DROP].mean() < 0.3
     assert weights[:30].min() == 1
     assert model.settings()["network"] == "of a test"
-
-
-def test_a_network_that_predicts_no_cover_is_no_evidence_of_drops(views):
-    model = RainModel(TrainingImages(panorama.eight_bit(views[0])), STEPS, CONFIG, covers=PretendedNetwork())
-    assert model.occlusion is None
-    assert "occluded" not in model.report({0: SIZE})
+    untold = model_of(photographs, covers=PretendedNetwork())  # which predicts no cover
+    assert untold.occlusion is None
+    assert "occluded" not in untold.report({0: SIZE})

@@ -5,6 +5,7 @@ import numpy as np
 import panorama
 import pytest
 from pretended_network import PretendedNetwork
+from rain_steps import assert_same_steps, resumed, steps
 
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.objective import Objective
@@ -36,25 +37,10 @@ def objective_of(scene, config=EAGER, **more):
     return RainObjective(TrainingImages(panorama.eight_bit(scene)), STEPS, config, **more)
 
 
-def steps(objective, images, first, last):
-    """Losses and gradients of some steps."""
-    buffers, out = BufferPool(), []
-    for step in range(first, last):
-        view = step % len(images)
-        loss, gradient = objective(images[view], view, step, buffers)
-        out.append((loss, gradient.copy()))
-    return out
-
-
 def test_without_any_rain_to_look_for_it_is_the_plain_loss():
     scene = scene_of(4)
-    plain = Objective(TrainingImages(panorama.eight_bit(scene)))
-    ours = objective_of(scene, NOTHING)
-    for (loss, gradient), (expected, g) in zip(
-        steps(ours, renders(scene), 0, 4), steps(plain, renders(scene), 0, 4), strict=True
-    ):
-        assert loss == expected
-        assert np.array_equal(gradient, g)
+    plain, ours = Objective(TrainingImages(panorama.eight_bit(scene))), objective_of(scene, NOTHING)
+    assert_same_steps(steps(ours, renders(scene), 0, 4), steps(plain, renders(scene), 0, 4))
 
 
 def rainy(objective, even=0.1, mist=0.3):
@@ -96,19 +82,9 @@ def test_behind_falling_rain_mist_learns_from_differences_alone(even):
 
 
 def test_training_taken_up_again_goes_on_the_same():
+    """All of it: mist's steps of Adam, which are not those of the training, as well."""
     scene = scene_of(14)
-    images = renders(scene)
-    whole, first = objective_of(scene), objective_of(scene)
-    everything = steps(whole, images, 0, STEPS)
-    steps(first, images, 0, 30)
-    kept = {name: value.copy() for name, value in first.state_dict().items()}
-    second = objective_of(scene)
-    second.load_state_dict(kept)
-    for (loss, gradient), (expected, g) in zip(steps(second, images, 30, STEPS), everything[30:], strict=True):
-        assert loss == expected
-        assert np.array_equal(gradient, g)
-    assert all(np.array_equal(value, second.state_dict()[name]) for name, value in whole.state_dict().items())
-    assert second.report() == whole.report()
+    resumed(*(objective_of(scene) for _ in range(3)), renders(scene), 30, STEPS)
 
 
 def test_pixels_that_are_not_finite_teach_nothing():
@@ -122,8 +98,7 @@ def test_pixels_that_are_not_finite_teach_nothing():
 
 
 def test_hidden_pixels_of_the_photographs_teach_nothing():
-    scene = scene_of(8)
-    hidden = np.zeros((panorama.HEIGHT, panorama.WIDTH), bool)
+    scene, hidden = scene_of(8), np.zeros(SIZE, bool)
     hidden[:10] = True
 
     def trained(images):
@@ -133,26 +108,9 @@ def test_hidden_pixels_of_the_photographs_teach_nothing():
 
     changed = renders(scene)
     changed[:, :10] = 0.9
-    for (loss, gradient), (expected, g) in zip(trained(changed), trained(renders(scene)), strict=True):
-        assert loss == expected
-        assert np.array_equal(gradient, g)
-        assert not gradient[:10].any()
-
-
-@pytest.mark.parametrize("count", [1, 2])
-def test_one_view_is_enough_to_run(count):
-    scene = scene_of(count)
-    objective = objective_of(scene)
-    assert all(np.isfinite(loss) for loss, _ in steps(objective, renders(scene), 0, 20))
-    assert objective.report()["drops"] < 0.2
-
-
-def test_smaller_renders_are_compared_with_smaller_photographs():
-    scene = scene_of(8)
-    objective = rainy(objective_of(scene))
-    loss, gradient = objective(np.full((23, 31, 3), 0.4, np.float32), 0, 30, BufferPool())
-    assert np.isfinite(loss)
-    assert gradient.shape == (23, 31, 3)
+    found = trained(changed)
+    assert_same_steps(found, trained(renders(scene)))
+    assert not any(gradient[:10].any() for _, gradient in found)
 
 
 def test_masks_learn_from_the_loss_and_weigh_it():
@@ -173,8 +131,7 @@ def test_masks_learn_from_the_loss_and_weigh_it():
     masks = Left(TrainingImages(panorama.eight_bit(scene)), 10, 0, MaskConfig(start=0.2, every=2))
     objective = objective_of(scene, NOTHING, pixel_weights=masks)
     (_, gradient), *_ = steps(objective, renders(scene), 0, 3)
-    size = panorama.HEIGHT, panorama.WIDTH
-    assert learned == [(0, 0, size), (2, 2, size)]
+    assert learned == [(0, 0, SIZE), (2, 2, SIZE)]
     assert not gradient[:, :24].any()
     assert gradient[:, 36:].any()
 
@@ -193,12 +150,11 @@ def test_what_is_wholly_behind_a_drop_teaches_the_scene_nothing():
 
 def test_what_is_hidden_is_what_rain_covers():
     objective = objective_of(scene_of(8), NOTHING)
-    size = panorama.HEIGHT, panorama.WIDTH
-    assert not objective.hidden(0, size).any()
+    assert not objective.hidden(0, SIZE).any()
     objective.model.drop_alpha = lambda view, size: np.eye(*size, dtype=np.float32)
-    hidden = objective.hidden(0, size)
-    assert (hidden.dtype, hidden.shape) == (np.float32, size)
-    assert np.array_equal(hidden, np.eye(*size))
+    hidden = objective.hidden(0, SIZE)
+    assert (hidden.dtype, hidden.shape) == (np.float32, SIZE)
+    assert np.array_equal(hidden, np.eye(*SIZE))
 
 
 def test_what_was_found_and_the_settings_can_be_written_down():
@@ -212,7 +168,7 @@ def test_what_was_found_and_the_settings_can_be_written_down():
 
 def test_what_is_hidden_and_what_is_broken_are_told_apart():
     """A hole in a render shows no scene, but the photograph there tells of the lens."""
-    scene, hidden = scene_of(8), np.zeros((panorama.HEIGHT, panorama.WIDTH), bool)
+    scene, hidden = scene_of(8), np.zeros(SIZE, bool)
     hidden[:10] = True
     objective = RainObjective(TrainingImages(panorama.eight_bit(scene), [hidden] * 8), STEPS, NOTHING)
     told, image = [], renders(scene)[0]
@@ -268,22 +224,17 @@ def test_mist_that_the_network_leaves_in_enhanced_photographs_is_seen_there():
     assert np.abs(by_misty).mean() < np.abs(by_clear).mean()
 
 
-def test_enhanced_photographs_are_targets_at_the_size_that_is_asked_for():
-    scene = scene_of(2)
-    network = PretendedNetwork(scene, change=lambda _: 1.0)
-    enhanced = objective_of(scene, replace(NOTHING, enhanced=0.6), network=network).enhanced
-    assert np.array_equal(enhanced.target(1, SIZE).pixels, network.pictures[1])
-    assert enhanced.target(1, (22, 30)).pixels.shape == (22, 30, 3)
-
-
-def test_what_the_photographs_hide_teaches_nothing_in_these_steps_either():
+def test_enhanced_photographs_are_targets_at_any_size_where_they_hide_nothing():
     scene, hidden = scene_of(2), np.zeros(SIZE, bool)
     hidden[:, :9] = True
     network = PretendedNetwork(scene, change=lambda _: 1.0, hidden=[hidden] * 2)
     images = TrainingImages(panorama.eight_bit(scene), [hidden] * 2)
     objective = RainObjective(images, STEPS, replace(NOTHING, enhanced=0.6), network=network)
+    enhanced = objective.enhanced
+    assert np.array_equal(enhanced.target(1, SIZE).pixels, network.training_images().pixels(1))
+    assert enhanced.target(1, (22, 30)).pixels.shape == (22, 30, 3)
     _, gradient = objective(renders(scene)[0], 0, 0, BufferPool())
-    assert objective.enhanced.due(0, 0)
+    assert enhanced.due(0, 0)
     assert not gradient[:, :9].any()
     assert gradient[:, 9:].any()
 

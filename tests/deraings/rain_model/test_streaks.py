@@ -3,9 +3,9 @@ import numpy as np
 import panorama
 import pytest
 from pretended_network import PretendedNetwork
+from rain_steps import resumed, steps
 from scipy import fft
 
-from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.training.images import TrainingImages
 from deraings.image_planes import resized
 from deraings.rain_model.config import RainConfig, RainfallConfig
@@ -33,7 +33,7 @@ def layers(angle=75.0):
 
 
 def rained_on(scene, covers):
-    return np.stack([composite(view, cover, BETA) for view, cover in zip(scene, covers, strict=True)])
+    return np.stack([composite(*pair, BETA) for pair in zip(scene, covers, strict=True)])
 
 
 def learned(scene, seed=3):
@@ -43,13 +43,9 @@ def learned(scene, seed=3):
     return (np.stack(blurred) + 0.02 * rng.standard_normal(scene.shape)).astype(np.float32)
 
 
-def streaks_of(sizes=(SIZE,) * COUNT, visits=VISITS):
-    return SingleStreaks(sizes, visits)
-
-
-def watch(photographs, known, even, angle=75.0, rounds=3, visits=VISITS, priors=(None,) * COUNT):
+def watch(photographs, known, even, angle=75.0, rounds=3, priors=(None,) * COUNT):
     """Streaks after some looks at every view."""
-    streaks = streaks_of(visits=visits)
+    streaks = SingleStreaks((SIZE,) * COUNT, VISITS)
     for _ in range(rounds):
         for view, (photograph, expected) in enumerate(zip(photographs, known, strict=True)):
             seen = (expected * (1 - even) + even * BETA).astype(np.float32)
@@ -83,15 +79,14 @@ def test_the_filter_adds_what_a_prior_leaves(scene):
     even = float(np.median(covers))
     priors = [((cover - even) / 2).astype(np.float32) for cover in covers]
     photographs, known = rained_on(scene, covers), learned(scene)
-    alone, both = (watch(photographs, known, even, priors=given) for given in ((None,) * COUNT, priors))
+    found = [watch(photographs, known, even, priors=given) for given in ((None,) * COUNT, priors)]
 
     def error(deviations):
         return np.mean([(np.maximum(even + deviations[v], 0) - covers[v]) ** 2 for v in range(COUNT)])
 
-    assert error([both.deviation(view) for view in range(COUNT)]) < 0.7 * error(priors)
-    assert error([both.deviation(view) for view in range(COUNT)]) < 0.7 * error(
-        [alone.deviation(view) for view in range(COUNT)]
-    )
+    alone, both = (error([streaks.deviation(view) for view in range(COUNT)]) for streaks in found)
+    assert both < 0.7 * error(priors)
+    assert both < 0.7 * alone
 
 
 def test_how_far_a_photograph_is_towards_rain_is_the_plain_formula():
@@ -110,7 +105,7 @@ def test_what_was_found_is_kept_until_it_is_found_anew(scene):
     before = [streaks.deviation(view) for view in range(COUNT)]
     streaks.renew()
     assert all(streaks.due(view) for view in range(COUNT))
-    again = streaks_of()
+    again = SingleStreaks((SIZE,) * COUNT, VISITS)
     again.load_state_dict(streaks.state_dict())
     assert all(np.array_equal(again.deviation(view), before[view]) for view in range(COUNT))
     for _ in range(2):
@@ -121,7 +116,7 @@ def test_what_was_found_is_kept_until_it_is_found_anew(scene):
 
 
 def test_what_was_found_is_the_mean_over_visits():
-    streaks = streaks_of([SIZE])
+    streaks = SingleStreaks([SIZE], VISITS)
     dry = np.zeros(SIZE, np.float32), np.full(SIZE, 0.5, np.float32), 75, 0
     streaks.update(*dry)  # its power
     for deviation in (0.2, 0.6):
@@ -143,16 +138,6 @@ def test_power_along_one_direction_is_passed_across_it(width):
 EAGER = RainConfig(
     mist=None, drops=None, occlusion=None, rainfall=RainfallConfig(rainy=0.07, visits=2), enhanced=0, start=0
 )
-WARY = RainConfig(mist=None, drops=None, occlusion=None, enhanced=0, start=0)
-
-
-def steps(objective, images, first, last):
-    """Losses and gradients of some steps."""
-    buffers, out = BufferPool(), []
-    for step in range(first, last):
-        loss, gradient = objective(images[step % COUNT], step % COUNT, step, buffers)
-        out.append((loss, gradient.copy()))
-    return out
 
 
 def objective_of(photographs, config=EAGER, hidden=(), network=None):
@@ -167,19 +152,12 @@ def network_of(scene):
 
 @pytest.mark.parametrize("with_network", [False, True])
 def test_in_a_training_streaks_lower_the_loss_and_it_resumes_exactly(scene, with_network):
-    photographs, images = rained_on(scene, layers()), learned(scene)
-    network = network_of(scene) if with_network else None
-    whole, first, second = (objective_of(photographs, network=network) for _ in range(3))
-    everything = steps(whole, images, 0, 65)
-    assert "rain" in whole.report()["needed"]
-    assert whole.report()["streaks"] > 0.01
+    photographs, network = rained_on(scene, layers()), network_of(scene) if with_network else None
+    objectives = [objective_of(photographs, network=network) for _ in range(3)]
+    everything = resumed(*objectives, learned(scene), 35, 65)
+    assert "rain" in objectives[0].report()["needed"]
+    assert objectives[0].report()["streaks"] > 0.01
     assert all(now < 0.9 * before for (before, _), (now, _) in zip(everything[:10], everything[-10:], strict=False))
-    steps(first, images, 0, 35)
-    second.load_state_dict({name: value.copy() for name, value in first.state_dict().items()})
-    for (loss, gradient), (expected, g) in zip(steps(second, images, 35, 65), everything[35:], strict=True):
-        assert loss == expected
-        assert np.array_equal(gradient, g)
-    assert all(np.array_equal(value, second.state_dict()[name]) for name, value in whole.state_dict().items())
 
 
 def test_a_network_helps_where_it_rains(scene):
@@ -221,17 +199,14 @@ def certain_rain(certainty=1.0):
     return rain, told
 
 
-def test_pixels_without_weight_show_no_single_streaks(scene):
+def test_single_streaks_are_looked_for_only_where_it_surely_rains_and_pixels_have_weight(scene):
     """Behind drops and masks a photograph is not the scene in rain."""
+    assert not certain_rain(0.9)[0].due(0, SIZE, 30)
     rain, told = certain_rain()
+    assert rain.due(0, SIZE, 30)
     weights = np.zeros(SIZE, np.float32)
     weights[:50] = 1
     rain.update(Observation(scene[0] + np.float32(0.05), None, None, weights), scene[0], 0, 30)
     for plane in told[0]:
         assert plane[:50].any()
         assert not plane[50:].any()
-
-
-def test_single_streaks_are_looked_for_only_where_it_surely_rains():
-    assert certain_rain()[0].due(0, SIZE, 30)
-    assert not certain_rain(0.9)[0].due(0, SIZE, 30)

@@ -76,3 +76,13 @@ def stays_finite(make, given, losses, masking):
         if not counts:
             assert float(made.field.density.grad.abs().sum()) == 0
             assert all(float(p.grad.abs().sum()) == 0 for p in masking(made).parameters())
+
+
+def sees_its_view_or_the_mean(made):
+    """Where a model takes half of the rays for those of the mean look, every other one does not see its photograph."""
+    of = batch(50, view=1)
+    with torch.no_grad():
+        before = made(of.rays, context(of)).colour
+        made._pictures[1] = 255 - made._pictures[1]
+        after = made(of.rays, context(of)).colour
+    assert ((after - before).abs().amax(1) > 1e-5).tolist() == [i % 2 == 0 for i in range(50)]

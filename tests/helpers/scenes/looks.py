@@ -21,6 +21,7 @@ from baselines.splatting_profiles import SHORT_RATES
 from baselines.training.images import read_images
 from baselines.training.torch_state import torch_threads
 from baselines.wild_gs.config import SHORT as LOOK
+from hydroviews.metrics.psnr import psnr
 from hydroviews.scene.images import write_png
 
 SPLATTING = TrainerConfig(
@@ -118,3 +119,19 @@ def assert_the_same_steps(folder, cuda_backend, appearance_of):
         assert (value - twin.detach().cpu()).abs().quantile(0.9) < 1e-4, name
     for name, value in ours.state_dict().items():
         assert np.quantile(np.abs(value - theirs.state_dict()[name]), 0.9) < 1e-4, name
+
+
+def whole(camera):
+    """All of a picture as one part [1, H, W]."""
+    return np.ones((1, camera.height, camera.width), bool)
+
+
+def held_out(method, scene, truth, parts=whole):
+    """PSNR of the held-out views, after the best gains of each of their parts, which a cast on it leaves open."""
+    scores = []
+    for view in scene.test_views:
+        image, expected = method.render(view.camera).copy(), truth[view.name]
+        for part in parts(view.camera):
+            image[part] *= (image[part] * expected[part]).sum(axis=0) / (image[part] ** 2).sum(axis=0)
+        scores.append(psnr(np.clip(image, 0, 1), expected))
+    return float(np.mean(scores))

@@ -1,13 +1,35 @@
+"""The networks that find drops, their losses against their definitions, and their training."""
+
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
-from tiny_attention import DISCRIMINATOR, GENERATOR
+from tiny_attention import DISCRIMINATOR, GENERATOR, TRAINING
+from tiny_supervised import INTERVALS
+from wet import lens, photograph
 
 from baselines.derain_nerf.raindrop_attention.attention import ConvLSTM
-from baselines.derain_nerf.raindrop_attention.config import CONFIGS, DiscriminatorConfig, GeneratorConfig
+from baselines.derain_nerf.raindrop_attention.autoencoder import Frames, frames_of
+from baselines.derain_nerf.raindrop_attention.config import CONFIGS, DiscriminatorConfig, GeneratorConfig, LossConfig
 from baselines.derain_nerf.raindrop_attention.detection import detect
-from baselines.derain_nerf.raindrop_attention.discriminator import Discriminator
+from baselines.derain_nerf.raindrop_attention.discriminator import Discriminator, Judgement
+from baselines.derain_nerf.raindrop_attention.losses import (
+    adversarial_loss,
+    attention_loss,
+    discriminator_loss,
+    generator_losses,
+    perceptual_loss,
+    scale_loss,
+)
 from baselines.derain_nerf.raindrop_attention.network import DerainGenerator
+from baselines.derain_nerf.raindrop_attention.pairs import Batch, Patches, ValidationPicture, without_drops
+from baselines.derain_nerf.raindrop_attention.training import AttentionTraining
+from baselines.derain_nerf.raindrop_attention.validation import as_columns, scores, table
+from baselines.supervised.training import train
+from baselines.supervised.validation import as_json, average_precision
+from hydroviews.pairs.rainy_pairs import DrawnRain
 
 
 def picture(height: int, width: int, seed: int = 0) -> np.ndarray:
@@ -16,7 +38,6 @@ def picture(height: int, width: int, seed: int = 0) -> np.ndarray:
 
 def random_generator(config: GeneratorConfig = GENERATOR) -> DerainGenerator:
     """Untrained, its outputs not zero."""
-    torch.manual_seed(0)
     generator = DerainGenerator(config).eval()
     for parameter in generator.autoencoder.outputs.parameters():
         torch.nn.init.normal_(parameter, std=0.1)
@@ -25,19 +46,20 @@ def random_generator(config: GeneratorConfig = GENERATOR) -> DerainGenerator:
 
 @pytest.mark.parametrize(("height", "width"), [(37, 53), (48, 64), (1, 1), (3, 130)])
 def test_any_size_gives_maps_and_pictures_in_range(height, width):
-    found = detect(picture(height, width), random_generator())
+    image = picture(height, width)
+    found = detect(image, random_generator())
     assert found.attention.shape == (height, width)
     assert found.derained.shape == (height, width, 3)
     assert 0 < found.attention.min() <= found.attention.max() < 1
-    assert found.derained.min() >= 0
-    assert found.derained.max() <= 1
+    assert 0 <= found.derained.min() <= found.derained.max() <= 1
+    untrained = detect(image, DerainGenerator(GENERATOR))  # which changes nothing before it has learned
+    np.testing.assert_array_equal(untrained.derained, image)
 
 
 def test_what_is_no_picture_is_refused():
-    with pytest.raises(ValueError, match="shape"):
-        detect(np.zeros((4, 4), np.float32), random_generator())
-    with pytest.raises(ValueError, match="finite"):
-        detect(np.full((4, 4, 3), np.nan, np.float32), random_generator())
+    for image, message in ((np.zeros((4, 4), np.float32), "shape"), (np.full((4, 4, 3), np.nan, np.float32), "finite")):
+        with pytest.raises(ValueError, match=message):
+            detect(image, random_generator())
 
 
 @pytest.mark.parametrize("stride", [1, 2])
@@ -48,23 +70,11 @@ def test_every_look_gives_a_map_and_there_are_three_resolutions(stride):
     assert [tuple(f.shape[2:]) for f in frames] == [(8, 12), (16, 24), (32, 48)]
 
 
-def test_small_changes_nothing_before_it_has_learned():
-    image = picture(40, 36)
-    np.testing.assert_array_equal(detect(image, DerainGenerator(GENERATOR)).derained, image)
-
-
 def test_the_memory_of_a_single_pixel_is_the_cell_of_torch():
-    torch.manual_seed(1)
     memory, cell = ConvLSTM(3), torch.nn.LSTMCell(3, 3)
     centre = memory.gates.weight[:, :, 1, 1]  # all that a picture of one pixel meets of the kernels
-    cell.load_state_dict(
-        {
-            "weight_ih": centre[:, :3],
-            "weight_hh": centre[:, 3:],
-            "bias_ih": memory.gates.bias,
-            "bias_hh": torch.zeros(12),
-        }
-    )
+    weights = {"weight_ih": centre[:, :3], "weight_hh": centre[:, 3:]}
+    cell.load_state_dict({**weights, "bias_ih": memory.gates.bias, "bias_hh": torch.zeros(12)})
     x, *state = (torch.randn(5, 3) for _ in range(3))
     found = memory(x[..., None, None], tuple(part[..., None, None] for part in state))
     for ours, theirs in zip(found, cell(x, tuple(state)), strict=True):
@@ -86,3 +96,126 @@ def test_the_published_configuration_has_its_widths():
     assert len(generator.attention.blocks) == 5
     assert generator.attention.memory.gates.weight.shape == (4 * 32, 2 * 32, 3, 3)
     assert generator.autoencoder.near_quarter[0].weight.shape == (256, 256, 3, 3)
+
+
+def test_maps_of_means_of_their_pixels_count_more_the_later_they_are():
+    cover = torch.ones(1, 1, 4, 4)
+    maps = [torch.full((1, 1, 2, 2), value) for value in (0.5, 0.9, 0.8)]
+    assert attention_loss(maps, cover, 0.8).item() == pytest.approx(0.64 * 0.25 + 0.8 * 0.01 + 0.04)
+    corner = torch.tensor([[1.0, 0, 0, 0], [0, 0, 0, 0]])[None, None]
+    assert attention_loss([torch.tensor([[0.25, 0]])[None, None]], corner, 0.8).item() == 0
+
+
+def test_scales_are_weighed():
+    clean = torch.rand(2, 3, 8, 8)
+    away = Frames(*(frame + error for frame, error in zip(frames_of(clean), (0.1, 0.2, 0.3), strict=True)))
+    expected = 0.6 * 0.01 + 0.8 * 0.04 + 0.09
+    assert scale_loss(away, clean, (0.6, 0.8, 1.0)).item() == pytest.approx(expected, rel=1e-5)
+
+
+def test_adversaries_agree_with_their_logarithms():
+    logits, real = torch.tensor([0.3, -2.0]), torch.tensor([1.5, 0.1])
+    sigmoid = lambda z: 1 / (1 + math.exp(-z))  # noqa: E731
+    fooled = [math.log(1 - sigmoid(z)) for z in logits.tolist()]
+    assert adversarial_loss(logits).item() == pytest.approx(sum(fooled) / 2)
+    seen = Judgement(logits, torch.full((2, 1, 2, 2), 0.5)), Judgement(real, torch.full((2, 1, 2, 2), 0.2))
+    attention = torch.full((2, 1, 8, 8), 0.9)
+    expected = -sum(math.log(sigmoid(z)) for z in real.tolist()) / 2 - sum(fooled) / 2 + 0.05 * (0.16 + 0.04)
+    assert discriminator_loss(*seen, attention, 0.05).item() == pytest.approx(expected, rel=1e-5)
+
+
+@pytest.mark.parametrize("network", ["alex", "vgg"])
+def test_the_same_picture_is_perceived_the_same(network):
+    torch.manual_seed(0)
+    clean = torch.rand(1, 3, 48, 48)
+    assert perceptual_loss(clean, clean, network).item() == 0
+    near, far = (perceptual_loss((clean + d).clamp(0, 1), clean, network).item() for d in (0.05, 0.3))
+    assert 0 < near < far
+
+
+@pytest.mark.parametrize("level", [None, 0, 1])
+def test_gradients_are_finite_where_nothing_is_to_be_done(level):
+    clean = torch.rand(1, 3, 48, 48) if level is None else torch.full((1, 3, 48, 48), float(level))
+    generator, discriminator = DerainGenerator(GENERATOR), Discriminator(DISCRIMINATOR)
+    found = generator(clean)
+    judged = discriminator(found.frames.whole)
+    losses = generator_losses(found, clean, torch.zeros_like(clean[:, :1]), judged, TRAINING.losses)
+    assert losses.scales.item() == losses.perceptual.item() == 0
+    losses.total(TRAINING.losses).backward()
+    judged = discriminator(found.frames.whole.detach())
+    discriminator_loss(judged, discriminator(clean), found.maps[-1].detach(), 0.05).backward()
+    gradients = [parameter.grad for network in (generator, discriminator) for parameter in network.parameters()]
+    assert all(gradient is not None and torch.isfinite(gradient).all() for gradient in gradients)
+
+
+def drawn():
+    return DrawnRain([{96: photograph()}], {(96, 64): (lens(),)}, {"raindrop": 1.0})
+
+
+def learn(folder, config=TRAINING, kind=Patches):
+    training = AttentionTraining(config)
+    patches = kind(drawn(), config.patch, config.crops, config.batch, config.seed)
+    train(training, patches, folder, "drops", lambda _: {}, INTERVALS)
+    return training
+
+
+def test_patches_show_the_cover_of_their_own_place():
+    rainy, clean, cover = Patches(drawn(), 48, 3, 2, 0)[0]
+    assert rainy.shape == clean.shape == (6, 3, 48, 48)
+    assert cover.shape == (6, 1, 48, 48)
+    assert 0 < cover.mean() < 1
+    again = Patches(drawn(), 48, 3, 2, 0)[0]
+    assert all(torch.equal(a, b) for a, b in zip((rainy, clean, cover), again, strict=True))
+    assert not torch.equal(rainy, Patches(drawn(), 48, 3, 2, 1)[0].rainy)
+    assert not without_drops(lens()).matte.mask.any()
+
+
+class Bright(Patches):
+    """Drops that are bright squares on darkness."""
+
+    def __getitem__(self, step):
+        cover = torch.zeros(4, 1, 32, 32)
+        for plane, (top, left) in zip(cover[:, 0], np.random.default_rng(step).integers(0, 20, (4, 2)), strict=True):
+            plane[top : top + 12, left : left + 12] = 1
+        clean = torch.full((4, 3, 32, 32), 0.2)
+        return Batch(clean + 0.6 * cover, clean, cover)
+
+
+def test_drops_are_learned_and_removed(tmp_path):
+    losses = LossConfig(perceptual="alex", perceptual_weight=0, adversarial=0)  # 32 pixels have no texture to judge
+    training = learn(tmp_path, replace(TRAINING, losses=losses, steps=60, rate=5e-3, averaging=0.9), Bright)
+    rainy, clean, cover = Bright(drawn(), 32, 1, 1, 0)[99]
+    with torch.no_grad():
+        maps, frames = training.averaged(rainy)
+    truth = torch.nn.functional.avg_pool2d(cover, 2) > 0.5
+    assert average_precision(maps[-1].numpy().ravel(), truth.numpy().ravel()) > 0.9
+    assert (frames.whole - clean).square().mean() < 0.5 * (rainy - clean).square().mean()
+    assert {"attention", "discriminator"} <= training.losses.keys()
+
+
+def test_average_precision_against_counting():
+    truth = np.array([True, False, True, False])
+    assert average_precision(np.array([0.9, 0.8, 0.7, 0.1]), truth) == pytest.approx(0.5 * 1 + 0.5 * 2 / 3)
+    assert average_precision(np.array([0.9, 0.1, 0.8, 0.1]), truth) == 1
+    assert average_precision(np.zeros(4), truth) == 0.5  # all alike: the share of what is true
+    with pytest.raises(ValueError, match="nothing"):
+        average_precision(np.zeros(2), np.zeros(2, bool))
+
+
+def test_scores_of_a_network_that_changes_nothing():
+    clean = np.full((32, 32, 3), 0.5, np.float32)
+    cover = np.zeros((32, 32), np.float32)
+    cover[:8] = 1
+    generator = DerainGenerator(GENERATOR)
+    pictures = [
+        ValidationPicture("drops-light", clean + 0.1, clean, cover),
+        ValidationPicture("clean", clean, clean, 0 * cover),
+    ]
+    drops, dry = scores(generator, pictures)
+    assert (drops.before, drops.after) == (pytest.approx(20, abs=1e-3), pytest.approx(20, abs=1e-3))
+    assert drops.pictures == 1
+    assert np.isnan(dry.precision)
+    assert "clean AP" not in as_columns([drops, dry])
+    assert as_columns([drops, dry])["drops-light gain"] == pytest.approx(0, abs=1e-3)
+    assert as_json([dry], decimals=4)[0]["before"] is None
+    assert "| drops-light | 1 |" in table([drops, dry])

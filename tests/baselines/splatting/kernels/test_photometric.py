@@ -127,13 +127,6 @@ def test_smooth_pictures_lose_little_to_rounding():
     assert np.linalg.norm(error) < 4e-6 * np.linalg.norm(expected)
 
 
-def test_a_target_is_as_the_photograph_is_kept():
-    pixels = np.random.default_rng(0).integers(0, 256, (9, 7, 3), np.uint8)
-    target = prepare_target(pixels)
-    assert target.pixels is pixels
-    assert np.array_equal(target.image, pixels.astype(np.float32) / np.float32(255))
-
-
 @pytest.mark.parametrize("size", [(1, 1), (129, 161), (150, 40)])
 def test_nothing_outside_the_picture_is_read_or_written(size):
     """Pictures in the middle of arrays full of NaN: none gets in, and none is overwritten."""

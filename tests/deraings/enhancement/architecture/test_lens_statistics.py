@@ -41,6 +41,14 @@ def enhanced_views(photographs, enhancer: Enhancer, folder, hidden=()) -> Enhanc
     return EnhancedViews(TrainingImages(photographs, hidden), names, enhancer, folder)
 
 
+def statistics_of(photographs, *masks):
+    return statistics_of_capture(len(photographs), photographs.__getitem__, *masks)
+
+
+def as_image(photograph):
+    return photograph.astype(np.float32) / 255
+
+
 def test_fine_statistics_are_those_of_places():
     pictures = torch.rand(9, 3, 12, 16, generator=torch.Generator().manual_seed(0))
     found = fine_statistics(pictures)
@@ -66,19 +74,18 @@ def test_coarse_statistics_know_the_darkest_that_is_seen_anywhere_in_a_cell():
 
 
 def test_more_photographs_are_told_from_fewer_and_one_from_none():
-    counts = [lens_statistics(halved(planes(capture(count)))).coarse[-1, 0, 0].item() for count in (1, 2, 5, 36)]
+    found = [lens_statistics(halved(planes(capture(count)))) for count in (1, 2, 5, 36)]
+    counts = [each.coarse[-1, 0, 0].item() for each in found]
     assert counts[0] == 0
     assert counts == sorted(set(counts))
-    alone = lens_statistics(halved(planes(capture(1))))
-    assert not alone.coarse.any()
-    assert not alone.fine.any()
+    assert not found[0].coarse.any()
+    assert not found[0].fine.any()
 
 
 @pytest.mark.parametrize("size", [(40, 52), (41, 51), (700, 30)])
 def test_a_capture_is_summed_up_as_its_pictures_are(size):
     photographs = capture(4, *size)
-    found = statistics_of_capture(4, photographs.__getitem__)
-    whole = lens_statistics(halved(planes(photographs)))
+    found, whole = statistics_of(photographs), lens_statistics(halved(planes(photographs)))
     assert all(one is found[0] for one in found)
     assert found[0].fine.shape == (FINE, -(-size[0] // 2), -(-size[1] // 2))
     assert torch.allclose(found[0].fine[:6], whole.fine[:6], atol=0.01)  # halves are kept in 8 bits
@@ -97,16 +104,14 @@ def test_long_captures_are_taken_in_runs_and_sizes_apart():
 
 
 def test_what_masks_hide_does_not_count():
-    photographs = [np.full((40, 52, 3), 100, np.uint8) for _ in range(3)]
-    clear = statistics_of_capture(3, photographs.__getitem__)[0]
-    hidden = np.zeros((40, 52), bool)
+    photographs, hidden = [np.full((40, 52, 3), 100, np.uint8) for _ in range(3)], np.zeros((40, 52), bool)
+    clear = statistics_of(photographs)[0]
     hidden[10:20, 11:31] = True
     photographs[1] = np.where(hidden[..., None], 0, photographs[1]).astype(np.uint8)
-    masks = [None, hidden, None]
-    found = statistics_of_capture(3, photographs.__getitem__, masks.__getitem__)[0]
+    found = statistics_of(photographs, [None, hidden, None].__getitem__)[0]
     assert torch.allclose(found.fine, clear.fine, atol=1e-5)
     assert torch.allclose(found.coarse, clear.coarse, atol=1e-5)
-    assert not torch.allclose(statistics_of_capture(3, photographs.__getitem__)[0].fine, clear.fine, atol=0.1)
+    assert not torch.allclose(statistics_of(photographs)[0].fine, clear.fine, atol=0.1)
 
 
 def listening(config=TINY) -> Enhancer:
@@ -123,12 +128,8 @@ def lenses_of(photographs, enhancer):
     return lenses_of_capture(len(photographs), photographs.__getitem__, enhancer.network)
 
 
-def test_an_enhanced_picture_depends_on_its_companions_and_is_the_same_in_tiles():
+def test_a_picture_alone_has_no_lens_nor_has_one_of_a_network_that_looks_at_none():
     photographs, enhancer = capture(5, 90, 150), listening()
-    lens = lenses_of(photographs, enhancer)[0]
-    image = photographs[0].astype(np.float32) / 255
-    alone, together = enhance(image, enhancer), enhance(image, enhancer, lens=lens)
-    assert np.abs(alone - together).max() > 0.01
     assert lenses_of(photographs[:1], enhancer) == [None]
     deaf = EnhancementNetwork(replace(TINY, lens_mist=False, lens_fine=False)).requires_grad_(False)
     assert lenses_of(photographs, Enhancer(deaf, {}, "for a test")) == [None] * 5
@@ -138,7 +139,7 @@ def test_one_mist_lies_on_one_lens_and_is_the_mean_of_what_its_photographs_show(
     photographs, enhancer = [*capture(LONGEST_RUN + 2, 16, 24)], listening()
     lenses = lenses_of(photographs, enhancer)
     assert len({id(lens) for lens in lenses}) == 2
-    statistics = statistics_of_capture(len(photographs), photographs.__getitem__)[0].coarse[None]
+    statistics = statistics_of(photographs)[0].coarse[None]
     first = [p for p, lens in zip(photographs, lenses, strict=True) if lens is lenses[0]]
     each = [enhancer.network.find_mist(planes([p]), statistics)[0] for p in first]
     assert torch.allclose(lenses[0].mist[0], torch.stack(each)[:, 0].mean(0), atol=1e-5)
@@ -149,7 +150,7 @@ def test_one_mist_lies_on_one_lens_and_is_the_mean_of_what_its_photographs_show(
 
 def test_a_network_that_looks_for_no_mist_on_a_lens_looks_for_it_in_each_photograph(tmp_path):
     photographs, enhancer = capture(3, 32, 64), listening(replace(TINY, lens_mist=False))
-    lens, image = lenses_of(photographs, enhancer)[0], photographs[0].astype(np.float32) / 255
+    lens, image = lenses_of(photographs, enhancer)[0], as_image(photographs[0])
     assert lens.mist is None
     assert enhanced_views(photographs, enhancer, tmp_path).lens_mist(0) is None
     assert enhanced_views(photographs[:1], listening(), tmp_path).lens_mist(0) is None
@@ -158,9 +159,8 @@ def test_a_network_that_looks_for_no_mist_on_a_lens_looks_for_it_in_each_photogr
 
 def test_training_views_are_enhanced_with_what_all_of_them_say(tmp_path):
     photographs = capture(3, 40, 64)
-    views = enhanced_views(photographs, listening(), tmp_path)
-    lens = lenses_of(photographs, listening())[1]
-    image = photographs[1].astype(np.float32) / 255
+    views, lens = enhanced_views(photographs, listening(), tmp_path), lenses_of(photographs, listening())[1]
+    image = as_image(photographs[1])
     np.testing.assert_allclose(views.image(1), enhance(image, listening(), lens=lens), atol=0.01)
     assert np.abs(views.image(1) - enhance(image, listening())).max() > 0.02
     assert len(views.files()) == 3
@@ -176,10 +176,9 @@ def test_what_is_hidden_does_not_decide_how_much_mist_there_is(tmp_path):
     hidden[40:] = True
     far = slice(36)  # rows; the network looks from the four others into what is hidden
     seen = enhanced_views(photographs, shipped(), tmp_path, [hidden] * 3).image(0)[far]
-    for value, alike in ((None, True), (0, False)):  # the mean of what is shown, black
-        filled = [np.where(hidden[..., None], p[~hidden].mean(0) if value is None else 0, p) for p in photographs]
-        filled = [picture.astype(np.uint8) for picture in filled]
-        expected = enhanced_views(filled, shipped(), tmp_path / str(value)).image(0)[far]
+    for alike in (True, False):  # the mean of what is shown, black
+        filled = [np.where(hidden[..., None], alike * p[~hidden].mean(0), p).astype(np.uint8) for p in photographs]
+        expected = enhanced_views(filled, shipped(), tmp_path / str(alike)).image(0)[far]
         assert (np.abs(seen - expected).max() < 0.05) == alike
 
 
@@ -187,11 +186,8 @@ def test_holes_are_not_taken_for_drops(tmp_path):
     """Hidden pixels are filled evenly, and look like a drop."""
     photographs, hidden = capture(3, 64, 96), np.zeros((64, 96), bool)
     hidden[20:24, 30:34] = True
-    plain, masked = (
-        enhanced_views(photographs, listening(), tmp_path / name, masks)
-        for name, masks in (("plain", ()), ("masked", [hidden] * 3))
-    )
-    cover, holed = plain.small_drop_cover(0), masked.small_drop_cover(0)
+    cover = enhanced_views(photographs, listening(), tmp_path / "plain").small_drop_cover(0)
+    holed = enhanced_views(photographs, listening(), tmp_path / "masked", [hidden] * 3).small_drop_cover(0)
     assert (holed[16:28, 26:38] == 0).all()
     assert cover[16:28, 26:38].mean() > 0.1
     assert (holed[:12] > 0).any()
@@ -212,7 +208,7 @@ def test_the_mist_on_a_lens_is_predicted(tmp_path):
 def test_the_error_of_the_mist_on_a_lens_is_that_of_the_mean_over_its_photographs(tmp_path):
     photographs, enhancer = capture(5, 32, 64), listening()
     found = enhanced_views(photographs, enhancer, tmp_path).lens_mist(2)
-    coarse = statistics_of_capture(5, photographs.__getitem__)[0].coarse[None]
+    coarse = statistics_of(photographs)[0].coarse[None]
     each = torch.cat([enhancer.network.find_mist(planes([p]), coarse) for p in photographs])
     added = (each[:, 0] * each[:, 1:].mean(1)).numpy()
     assert found.error == pytest.approx(added.std(axis=0, ddof=1) / np.sqrt(5), abs=1e-5)
