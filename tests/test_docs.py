@@ -13,9 +13,8 @@ from pathlib import Path
 import pytest
 from commands import command
 from parsing import docs_hooks, refusal
-from synthetic import capture_in
+from synthetic import written_capture
 
-from hydroviews.formats.writers import write_colmap
 from leaderboard.gather import BOARD, run_folders
 
 REPOSITORY = Path(__file__).parents[1]
@@ -232,9 +231,8 @@ def test_python_runs(page, tmp_path, monkeypatch):
 
 def test_the_quick_start_runs(tmp_path, monkeypatch):
     cells = json.loads((REPOSITORY / "examples/quick_start.ipynb").read_text())["cells"]
-    capture = tmp_path / "capture"
-    write_colmap(capture_in(capture), capture / "sparse/0")
-    small = {"scene": str(capture), "patterns": ["streak-1"], "methods": ["3dgs"], "steps": 5, "folder": tmp_path}
+    small = {"scene": str(written_capture(tmp_path / "capture")), "patterns": ["streak-1"], "methods": ["3dgs"]}
+    small |= {"steps": 5, "folder": tmp_path}
     variables: dict = {}
     for cell in cells:
         if cell["cell_type"] == "code":

@@ -5,13 +5,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from synthetic import capture_in
+from synthetic import written_capture
 
 from hydroviews.dataset.card.contact_sheet import write_sheets
 from hydroviews.dataset.checks.verify import verify
 from hydroviews.dataset.sources import build_source
 from hydroviews.dataset.variants import open_clean, open_variant
-from hydroviews.formats.writers import write_colmap
 from hydroviews.profiles import find_profile
 from hydroviews.scene.images import read_image
 from hydroviews.torch import RainyViews
@@ -23,11 +22,11 @@ REPOSITORY = Path(__file__).parents[2]
 def built(tmp_path_factory):
     """Light and heavy snow on a small scene, built from the repository as the documentation says."""
     folder = tmp_path_factory.mktemp("snow")
-    write_colmap(capture_in(folder / "yard"), folder / "yard/sparse/0")
+    yard = written_capture(folder / "yard")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(REPOSITORY)
         patterns = ["examples.snow:Snow-0", "examples.snow:Snow-2"]
-        yield build_source(str(folder / "yard"), folder / "data", find_profile("demo"), patterns=patterns)
+        yield build_source(str(yard), folder / "data", find_profile("demo"), patterns=patterns)
 
 
 def test_it_is_built_and_verified_like_any_other(built):

@@ -16,7 +16,12 @@ from leaderboard.doctor import LATER, MISSING, OK, Finding
     ("bpy", "state", "found", "fix"),
     [
         ("from types import SimpleNamespace\napp = SimpleNamespace(version_string='5.0.1')", OK, "bpy 5.0.1", ""),
-        ("raise ModuleNotFoundError('none', name='bpy')", MISSING, "works without it", "install 'hydroviews[blender]'"),
+        (
+            "raise ModuleNotFoundError(\"No module named 'bpy'\", name='bpy')",
+            MISSING,
+            "`hydroviews reconstruct` works without it",
+            "pip install 'hydroviews[blender]'",
+        ),
         ("raise ImportError('libX11.so.6: cannot open')", MISSING, "libX11.so.6", f"apt-get install {SYSTEM_PACKAGES}"),
         ("import os\nos.abort()", MISSING, "exit status -6", ""),
     ],

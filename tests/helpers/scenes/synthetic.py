@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
+from hydroviews.formats.writers import write_colmap
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import write_png
 from hydroviews.scene.scenes import Points, Scene, View, make_scene
@@ -37,3 +38,9 @@ def capture_in(folder: Path, n_views: int = 9, width: int = 48, height: int = 36
         views.append(View(path.stem, ring_camera(2 * np.pi * i / n_views, width, height), path))
     points = Points(rng.uniform(-1, 1, (40, 3)), rng.integers(0, 256, (40, 3)).astype(np.uint8))
     return make_scene(folder.name, views, points)
+
+
+def written_capture(folder: Path, **options: int) -> Path:
+    """The same as a COLMAP project in a folder, which is returned."""
+    write_colmap(capture_in(folder, **options), folder / "sparse" / "0")
+    return folder

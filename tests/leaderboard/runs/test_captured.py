@@ -6,14 +6,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from synthetic import capture_in
+from synthetic import written_capture
 
 from hydroviews import metrics
 from hydroviews.dataset.manifest import data_hash
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.formats.read import read_scene
-from hydroviews.formats.writers import write_colmap
 from hydroviews.scene.images import read_image
 from hydroviews.scene.masks import mask_name, write_ignored
 from leaderboard.evaluate import evaluate, outcome
@@ -24,8 +23,7 @@ pytestmark = pytest.mark.usefixtures("toys", "trained_here")
 @pytest.fixture
 def walk(tmp_path) -> Path:
     """A capture."""
-    write_colmap(capture_in(tmp_path / "walk"), tmp_path / "walk" / "sparse" / "0")
-    return tmp_path / "walk"
+    return written_capture(tmp_path / "walk")
 
 
 def say(capture: Path, rain: str) -> None:
