@@ -2,9 +2,8 @@
 
 from pathlib import Path
 
-import numba
 import pytest
-import torch
+from kernel_fixtures import single_threaded
 
 from benchmarks import busy_machine
 from benchmarks.busy_machine import cases, convolutions, fair_share, measured, table_of
@@ -27,9 +26,8 @@ def test_fair_is_a_threads_share_of_the_cores(steps, threads, competing, share):
 
 def test_a_share_is_of_the_idle_machine_with_threads_as_they_wait_by_default():
     def steps_of(case, others, seconds):
-        return {"spin": 50.0, "spin shortly": 49.0, "ours": 49.0, "sleep": 40.0}[case.waiting] / (
-            1 + others / case.threads
-        )
+        idle = {"spin": 50.0, "spin shortly": 49.0, "ours": 49.0, "sleep": 40.0}[case.waiting]
+        return idle / (1 + others / case.threads)
 
     chosen = cases([Path("a"), Path("b")])
     assert len({(case.work, case.threads, case.waiting, case.checkout) for case in chosen}) == len(chosen) == 13
@@ -42,19 +40,9 @@ def test_a_share_is_of_the_idle_machine_with_threads_as_they_wait_by_default():
     assert two["spin shortly", Path("b"), 2] == pytest.approx(fair_share(24.5, 50, 2, 2, processors()), abs=0.006)
 
 
-def test_convolutions_are_counted():
-    before = torch.get_num_threads()
-    try:
-        assert convolutions(1, 0.01) > 0
-    finally:
-        torch.set_num_threads(before)
-
-
-def test_steps_are_counted(monkeypatch):
+@pytest.mark.parametrize("count", [convolutions, measured])
+def test_steps_are_counted(monkeypatch, count):
     monkeypatch.setattr(busy_machine, "GAUSSIANS", 200)
     monkeypatch.setattr(busy_machine, "SIZE", (48, 36))
-    before = numba.get_num_threads()
-    try:
-        assert measured(1, 0.01) > 0
-    finally:
-        numba.set_num_threads(before)
+    with single_threaded():  # whose end gives back the threads that are set here
+        assert count(1, 0.01) > 0

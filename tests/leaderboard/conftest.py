@@ -6,10 +6,9 @@ from pathlib import Path
 
 import pytest
 import tyro
-from synthetic import capture_in
+from synthetic import written_capture
 
 from hydroviews.errors import InputError
-from hydroviews.formats.writers import write_colmap
 from leaderboard import evaluate
 from leaderboard.runs.run import Run, recorded_configuration
 from leaderboard.runs.train_and_render import train_and_render
@@ -57,8 +56,7 @@ def train_here(module, options, notes, watch, end, memory):
 def evaluated_once(tmp_path_factory):
     """A capture, and what `evaluate` leaves of MeanColour and the reference rows on it: data, results, records."""
     folder = tmp_path_factory.mktemp("evaluated")
-    capture = folder / "yard"
-    write_colmap(capture_in(capture), capture / "sparse" / "0")
+    capture = written_capture(folder / "yard")
     where = {"data": folder / "data", "results": folder / "results"}
     with pytest.MonkeyPatch.context() as monkeypatch:
         use_toys(monkeypatch)

@@ -31,6 +31,7 @@ from leaderboard.scoring.score import score
 from leaderboard.sweep import task
 
 pytestmark = pytest.mark.usefixtures("toys")
+LINUX = pytest.mark.skipif(sys.platform != "linux", reason="a folder that takes no folders")
 
 
 def leaderboard(tmp_path: Path) -> pd.DataFrame:
@@ -45,10 +46,8 @@ def test_rows_renders_and_scores(run, evaluated, tmp_path):
     assert list(table.n_test) == [2, 2]
     folder = run.folder
     clean = tmp_path / "data/demo/yard/clean"
-    expected = np.mean(
-        [metrics.psnr(read_image(p), read_image(clean / p.name)) for p in (folder / "renders").iterdir()]
-    )
-    assert evaluated.scores["psnr"] == pytest.approx(expected, abs=1e-4)
+    scores = [metrics.psnr(read_image(p), read_image(clean / p.name)) for p in (folder / "renders").iterdir()]
+    assert evaluated.scores["psnr"] == pytest.approx(np.mean(scores), abs=1e-4)
     assert evaluated.train_s == 0.5
     assert evaluated.n_primitives is None
     assert evaluated.peak_mem_mb > 10
@@ -79,21 +78,13 @@ def test_what_is_in_the_way_of_a_run_gets_another_name(request_of, run, trained_
     assert (run.folder / "record.json.kept" / "notes.txt").read_text() == "mine"
 
 
-def test_second_call_keeps_records_and_rescoring_gives_the_same(request_of, run, evaluated, tmp_path, caplog):
+def test_second_call_keeps_records_and_rescoring_gives_the_same(request_of, run, evaluated, monkeypatch, caplog):
     stamp = (run.folder / "record.json").stat().st_mtime_ns
-    again = evaluate(request_of("MeanColour"))[-1]
+    assert evaluate(request_of("MeanColour"))[-1] == evaluated
     assert (run.folder / "record.json").stat().st_mtime_ns == stamp
     assert "kept" in caplog.text
-    assert again == evaluated
-    assert score(run) == evaluated
-
-
-def test_what_a_killed_command_has_half_written_goes(run, evaluated, tmp_path):
-    for folder, name in ((run.folder, "per_view.csv"), (tmp_path / "results", "tables.md")):
-        (folder / f".partial-host-0123-{name}").write_text("half")
-    score_command("streak-0", "toy_methods:MeanColour", "yard", data=tmp_path / "data", results=tmp_path / "results")
-    table_command(tmp_path / "results")
-    assert not list((tmp_path / "results").rglob(".partial-*"))
+    monkeypatch.setattr("leaderboard.scoring.score.code_version", lambda: "of another day")
+    assert score(run) == evaluated  # whose version is that of the code that trained
 
 
 def test_a_run_that_another_process_is_at_is_waited_for(request_of, run, evaluated, tmp_path, caplog):
@@ -130,41 +121,36 @@ def test_renders_that_were_interrupted_are_made_again(request_of, run, evaluated
     assert as_row(evaluate(request_of("MeanColour"))[-1])["psnr"] == evaluated.scores["psnr"]
 
 
-def test_the_version_is_that_of_the_code_that_trained(run, evaluated, monkeypatch):
-    monkeypatch.setattr("leaderboard.scoring.score.code_version", lambda: "of another day")
-    assert score(run).version == evaluated.version
-
-
-@pytest.mark.parametrize(
-    ("name", "dirty"),
-    [
-        ("hydroviews/rain/streaks.py", True),
-        ("deraings/enhancement/weights/small.safetensors", True),
-        ("hydroviews/captures/captures.toml", True),
-        ("pyproject.toml", True),
-        ("docs/pictures/rain.jpg", False),
-        ("README.md", False),
-        ("tests/test_docs.py", False),
-        ("leaderboard/board/demo/3dgs/yard/clean/seed-0/record.json", False),
-        ("hydroviews/rain/README.md", False),
-        (".github/workflows/ci.yml", False),
-    ],
+CODE = (
+    "hydroviews/rain/streaks.py",
+    "deraings/enhancement/weights/small.safetensors",
+    "hydroviews/captures/captures.toml",
+    "pyproject.toml",
 )
+OTHER = (
+    "docs/pictures/rain.jpg",
+    "README.md",
+    "tests/test_docs.py",
+    "leaderboard/board/demo/3dgs/yard/clean/seed-0/record.json",
+    "hydroviews/rain/README.md",
+    ".github/workflows/ci.yml",
+)
+
+
 @pytest.mark.parametrize("tracked", [True, False])
-def test_a_version_is_dirty_where_code_that_a_run_can_depend_on_was_changed(
-    tmp_path, monkeypatch, name, dirty, tracked
-):
-    package, path = tmp_path / "hydroviews", tmp_path / name
-    for folder in (package, path.parent):
-        folder.mkdir(parents=True, exist_ok=True)
-    (package / "__init__.py").touch()
-    if tracked:
-        path.write_text("before")
+def test_a_version_is_dirty_where_code_that_a_run_can_depend_on_was_changed(tmp_path, monkeypatch, tracked):
+    paths = {name: tmp_path / name for name in ("hydroviews/__init__.py", *CODE, *OTHER)}
+    for name, path in paths.items():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if tracked or name.endswith("__init__.py"):
+            path.write_text("before")
     commit(tmp_path)
-    monkeypatch.setattr("leaderboard.records.hydroviews.__file__", str(package / "__init__.py"))
-    assert not code_version().endswith("-dirty")
-    path.write_text("after")
-    assert code_version().endswith("-dirty") == dirty
+    monkeypatch.setattr("leaderboard.records.hydroviews.__file__", str(paths["hydroviews/__init__.py"]))
+    for name in (*CODE, *OTHER):
+        assert not code_version().endswith("-dirty")
+        paths[name].write_text("after")
+        assert code_version().endswith("-dirty") == (name in CODE), name
+        paths[name].write_text("before") if tracked else paths[name].unlink()
 
 
 def commit(folder: Path) -> None:
@@ -186,13 +172,18 @@ def test_a_version_names_the_commit_of_our_own_checkout_alone(tmp_path, monkeypa
     assert re.fullmatch(re.escape(hydroviews.__version__) + r"\+[0-9a-f]{7,}", code_version())
 
 
-def test_scoring_takes_the_folders_that_evaluate_takes(run, evaluated, tmp_path, capsys):
-    place = {"scene": "yard", "data": tmp_path / "data", "results": tmp_path / "results"}
-    written = run.folder / "record.json"
+def test_scoring_takes_the_folders_that_evaluate_takes_and_removes_what_was_half_written(
+    run, evaluated, tmp_path, capsys
+):
+    results, written = tmp_path / "results", run.folder / "record.json"
     written.unlink()
-    score_command("streak-0", method="toy_methods:MeanColour", **place)
+    for folder, name in ((run.folder, "per_view.csv"), (results, "tables.md")):
+        (folder / f".partial-host-0123-{name}").write_text("half")
+    score_command("streak-0", method="toy_methods:MeanColour", scene="yard", data=tmp_path / "data", results=results)
     assert json.loads(written.read_text())["psnr"] == evaluated.scores["psnr"]
     assert f"PSNR {evaluated.scores['psnr']:.2f} dB" in capsys.readouterr().out
+    table_command(results)
+    assert not list(results.rglob(".partial-*"))
 
 
 @pytest.mark.usefixtures("trained_here")
@@ -256,36 +247,21 @@ def test_other_settings_are_refused_unless_overwritten(request_of, run, monkeypa
 
 
 @pytest.mark.parametrize(
-    ("method", "told"),
+    ("method", "changes", "message"),
     [
-        ("OddConfiguration", r"no configuration for PROFILE=demo[\s\S]*no settings today"),
-        ("HoldsAnObject", r"its configuration cannot be recorded\n.*schedule is object"),
+        ("MeanColour", {"profile": "huge"}, "no such profile"),
+        ("MeanColour", {"track": "my-poses"}, r"no such track[\s\S]*given-poses, sparse-views"),
+        ("MeanColour", {"scene": "/nowhere"}, "SCENE=/nowhere: no such folder"),
+        ("MeanColour", {"patterns": ("hail-0",)}, "no such rain pattern"),
+        pytest.param("MeanColour", {"data": Path("/proc")}, "no folder can be made there", marks=LINUX),
+        ("OddConfiguration", {}, r"OddConfiguration: no configuration for PROFILE=demo[\s\S]*no settings today"),
+        ("HoldsAnObject", {}, r"HoldsAnObject: its configuration cannot be recorded\n.*schedule is object"),
     ],
 )
-def test_odd_configurations_are_refused_before_anything_is_built(request_of, tmp_path, method, told):
-    with pytest.raises(InputError, match=f"{method}: {told}"):
-        evaluate(request_of(method))
-    assert not (tmp_path / "data").exists()
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="a folder that takes no folders")
-def test_a_data_folder_that_cannot_be_made_is_refused(request_of):
-    with pytest.raises(InputError, match="no folder can be made there"):
-        evaluate(request_of("MeanColour", data=Path("/proc")))
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"profile": "huge"}, "no such profile"),
-        ({"track": "my-poses"}, r"no such track[\s\S]*given-poses, sparse-views"),
-        ({"scene": "/nowhere"}, "SCENE=/nowhere: no such folder"),
-        ({"patterns": ("hail-0",)}, "no such rain pattern"),
-    ],
-)
-def test_unknown_names(request_of, changes, message):
+def test_what_cannot_be_evaluated_is_refused_before_anything_is_built(request_of, tmp_path, method, changes, message):
     with pytest.raises(InputError, match=message):
-        evaluate(request_of("MeanColour", **changes))
+        evaluate(request_of(method, **changes))
+    assert not (tmp_path / "data").exists()
 
 
 @pytest.mark.parametrize(

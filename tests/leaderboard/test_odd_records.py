@@ -1,12 +1,12 @@
 """Records and predictions that were edited, cut or moved: a row with a reason, and never the end of a table."""
 
-import json
 import logging
 import shutil
 from pathlib import Path
 
 import pandas as pd
 import pytest
+from damage import edit
 from in_the_way import KINDS, not_for_ever, swap
 
 from hydroviews.errors import InputError
@@ -23,10 +23,6 @@ pytestmark = pytest.mark.usefixtures("toys", "trained_here")
 @pytest.fixture
 def results(evaluated, tmp_path) -> Path:
     return tmp_path / "results"
-
-
-def edit(path: Path, **changes) -> None:
-    path.write_text(json.dumps({**json.loads(path.read_text()), **changes}))
 
 
 def row(results: Path) -> pd.Series:
@@ -75,32 +71,23 @@ def test_a_run_that_is_removed_while_tables_are_written_is_left_out_of_the_views
 def test_an_edited_record_is_a_row_with_a_reason(results, changes, reason, caplog):
     edit(results / RUN / "record.json", **changes)
     found = row(results)
-    assert (found.status, found.method, found.scene, found.pattern, found.seed) == (
-        "unreadable",
-        "toy_methods.MeanColour",
-        "yard",
-        "streak-0",
-        0,
-    )
+    assert found.status == "unreadable"
+    assert tuple(found[["method", "scene", "pattern", "seed"]]) == ("toy_methods.MeanColour", "yard", "streak-0", 0)
     assert pd.Series([found.reason]).str.contains(reason).all(), found.reason
     assert found[["psnr", "n_test", "train_s"]].isna().all()
     assert "not counted" in caplog.text
 
 
+RECORDS = (b"", b"[]", b'{"psnr"', b"null", b"\xff", b"{}", b"[" * 100_000, b'{"seed": ' + b"1" * 5000 + b"}")
+VIEWS = (None, b"", b"view,psnr\nview-00,1\nview-08,1\n", b"\xff", b"view,psnr\nview-00\n")
+
+
 @pytest.mark.parametrize(
-    "content", [b"", b"[]", b'{"psnr"', b"null", b"\xff", b"{}", b"[" * 100_000, b'{"seed": ' + b"1" * 5000 + b"}"]
+    ("name", "content"), [*(("record.json", one) for one in RECORDS), *(("per_view.csv", one) for one in VIEWS)]
 )
-def test_a_damaged_record_is_a_row_with_a_reason(results, content):
-    (results / RUN / "record.json").write_bytes(content)
-    assert row(results).status == "unreadable"
-
-
-@pytest.mark.parametrize("content", [None, b"", b"view,psnr\nview-00,1\nview-08,1\n", b"\xff", b"view,psnr\nview-00\n"])
-def test_scores_without_their_views_do_not_count(results, content):
-    views = results / RUN / "per_view.csv"
-    views.unlink()
-    if content is not None:
-        views.write_bytes(content)
+def test_a_run_whose_record_or_views_are_damaged_is_unreadable(results, name, content):
+    path = results / RUN / name
+    path.unlink() if content is None else path.write_bytes(content)
     assert row(results).status == "unreadable"
 
 
@@ -137,11 +124,7 @@ def test_a_run_that_was_moved_is_a_row_and_a_copy_beside_it_is_told(results, cap
     shutil.copytree(run, run.with_name("seed-0 of before"))
     shutil.copytree(run.parents[1], run.parents[1].with_name("garden"))
     table = write_leaderboard(results)
-    assert list(zip(table.scene, table.status, strict=True)) == [
-        ("garden", "unreadable"),
-        ("yard", "done"),
-        ("yard", "done"),
-    ]
+    assert list(table.scene + " " + table.status) == ["garden unreadable", "yard done", "yard done"]
     assert "move the run back, or remove it" in table.reason[0]
     assert "seed-0 of before/record.json: the record of another run" in caplog.text
 
@@ -226,13 +209,8 @@ def test_where_nothing_may_be_written_the_table_is_there(results, again, monkeyp
         ("x" * LONGEST, "x" * LONGEST),
     ],
 )
-def test_text_is_made_printable(text, shown):
-    assert printable(text) == shown
-    assert printable(shown) == shown
-
-
-@pytest.mark.parametrize("character", ["x", "\ud800"])
-def test_text_is_cut(character):
-    long = printable(character * 1_000_000)
+def test_text_is_made_printable_and_cut(text, shown):
+    assert printable(text) == printable(shown) == shown
+    long = printable(text * 2000)
     assert len(long) == LONGEST
-    assert long.endswith(" ... (1,000,000 characters)")
+    assert long.endswith(",000 characters)")

@@ -5,11 +5,10 @@ import stat
 import zipfile
 from pathlib import Path
 
-from synthetic import capture_in
+from synthetic import written_capture
 
 from hydroviews.dataset.build import build
 from hydroviews.formats.read import read_scene
-from hydroviews.formats.writers import write_colmap
 from hydroviews.profiles import find_profile
 from hydroviews.rain.patterns import Pattern
 from hydroviews.rain.registry import parse_pattern
@@ -20,8 +19,7 @@ SHAREABLE = {"licence": "CC-BY-4.0", "shareable": True}
 
 def built_in(folder: Path, patterns=("streak-1", "storm-1"), says=SHAREABLE, name="yard", **size) -> Path:
     """A scene built in `folder/data` from a capture that states its licence."""
-    capture = folder / "captures" / name
-    write_colmap(capture_in(capture, **size), capture / "sparse" / "0")
+    capture = written_capture(folder / "captures" / name, **size)
     if says:
         (capture / "capture.json").write_text(json.dumps(says))
     scene = read_scene(capture)

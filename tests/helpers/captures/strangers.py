@@ -92,15 +92,11 @@ def _binary(folder: Path, stranger: Stranger) -> None:
     ]
     rows = zip(stranger.image_ids, stranger.quaternions(), stranger.poses(), stranger.names, strict=True)
     images = [
-        struct.pack("<I7dI", i, *turn, *pose[:3, 3], 1)
-        + name.encode("utf-8", "surrogateescape")
-        + b"\0"
-        + struct.pack("<Q", 0)
+        struct.pack("<I7dI", i, *turn, *pose[:3, 3], 1) + name.encode("utf-8", "surrogateescape") + bytes(9)
         for i, turn, pose, name in rows
     ]
-    points = [
-        struct.pack("<Q3d3BdQ", i, *point, 0.5, 0) for i, point in zip(stranger.point_ids, stranger.points, strict=True)
-    ]
+    numbered = zip(stranger.point_ids, stranger.points, strict=True)
+    points = [struct.pack("<Q3d3BdQ", i, *point, 0.5, 0) for i, point in numbered]
     for file, records in (("cameras", cameras), ("images", images), ("points3D", points)):
         (model / f"{file}.bin").write_bytes(struct.pack("<Q", len(records)) + b"".join(records))
 

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self
@@ -31,6 +32,11 @@ class Config:
     rate: float = 0.05
 
 
+@dataclass(frozen=True)
+class ObjectConfig(Config):
+    schedule: object = field(default_factory=object)
+
+
 class Good(Method):
     """Moves its colour towards that of a view drawn at random, step by step."""
 
@@ -50,11 +56,14 @@ class Good(Method):
         colours = [self.colour_of(view) for view in scene.train_views]
         self.load_state_dict(folder / self.checkpoint, self.fingerprint(colours))
         try:
-            while self.state[0] < self.config.iterations:
-                self.step(colours)
+            self.learn(colours)
         finally:
             state = {"fingerprint": self.fingerprint(colours), "state": self.state}
             write_json(folder / self.checkpoint, state)
+
+    def learn(self, colours: list) -> None:
+        while self.state[0] < self.config.iterations:
+            self.step(colours)
 
     def step(self, colours: list) -> None:
         done, colour, seconds = self.state
@@ -98,36 +107,37 @@ class Good(Method):
         return TrainingSummary(self.state[2], None, 0.001, "cpu")
 
 
-class NoCheckpoint(Good):
-    """All is well, but there is nothing to go on from."""
-
-    def fit(self, scene: Scene, folder: Path) -> None:
-        colours = [self.colour_of(view) for view in scene.train_views]
-        while self.state[0] < self.config.iterations:
-            self.step(colours)
+def _toy(base: type[Good] = Good, **parts: object) -> type[Good]:
+    """The good method with other parts."""
+    return type("Toy", (base,), parts)
 
 
-class AnyProfile(Good):
-    @classmethod
-    def configuration(cls, profile: str) -> Any:
-        return Config()
+def _after_fit(deed: Callable[[], object]) -> type[Good]:
+    """Trains as the good method does, and then does something where training has a process of its own."""
+
+    def fit(self: Good, scene: Scene, folder: Path) -> None:
+        Good.fit(self, scene, folder)
+        if multiprocessing.parent_process():
+            deed()
+
+    return _toy(fit=fit)
 
 
-class Unrecordable(Good):
-    @classmethod
-    def configuration(cls, profile: str) -> Any:
-        return super().configuration(profile) and {"iterations": 3}
-
-
-@dataclass(frozen=True)
-class ObjectConfig(Config):
-    schedule: object = field(default_factory=object)
-
-
-class HoldsAnObject(Good):
-    @classmethod
-    def configuration(cls, profile: str) -> Any:
-        return ObjectConfig()
+AnyProfile = _toy(configuration=classmethod(lambda cls, profile: Config()))
+Unrecordable = _toy(configuration=classmethod(lambda cls, profile: Good.configuration(profile) and {"iterations": 3}))
+HoldsAnObject = _toy(configuration=classmethod(lambda cls, profile: ObjectConfig()))
+NoCheckpoint = _toy(fit=lambda self, scene, _: self.learn([self.colour_of(view) for view in scene.train_views]))
+LeavesThread = _after_fit(lambda: threading.Thread(target=time.sleep, args=(60,), name="follower").start())
+LeavesProcess = _after_fit(lambda: subprocess.Popen(["sleep", "600"]))
+OneSize = _toy(render=lambda *_: np.full((36, 48, 3), 0.5, np.float32))
+Doubles = _toy(render=lambda self, camera: Good.render(self, camera).astype(np.float64))
+TooBright = _toy(render=lambda self, camera: Good.render(self, camera) + np.float32(0.6))
+ExitsWhenRendering = _toy(render=lambda *_: os._exit(0))
+HangsWhenRendering = _toy(render=lambda *_: time.sleep(600))
+NoTime = _toy(summary=lambda self: TrainingSummary(float("nan"), None, None, "cpu"))
+TellsDevice = _toy(summary=lambda self: replace(Good.summary(self), device=os.environ["HYDROVIEWS_DEVICE"]))
+Unseeded = _toy(draw=lambda self, step, n_views: int(np.random.default_rng().integers(n_views)))
+LooksBehindMasks = _toy(colour_of=lambda self, view: view.image().mean(axis=(0, 1)).tolist())
 
 
 class InTheWay(Good):
@@ -136,38 +146,15 @@ class InTheWay(Good):
         (folder / "renders").write_text("mine")
 
 
-class LeavesThread(Good):
-    def fit(self, scene: Scene, folder: Path) -> None:
-        super().fit(scene, folder)
-        if multiprocessing.parent_process():
-            threading.Thread(target=time.sleep, args=(60,), name="follower").start()
-
-
-class LeavesProcess(Good):
-    def fit(self, scene: Scene, folder: Path) -> None:
-        super().fit(scene, folder)
-        if multiprocessing.parent_process():
-            subprocess.Popen(["sleep", "600"])
-
-
 class Crashes(Good):
     def fit(self, scene: Scene, folder: Path) -> None:
         raise ArithmeticError("diverged\nat step 7")
 
 
-class OneSize(Good):
+class CrashesWhenRendering(Good):
     def render(self, camera: Camera) -> Image:
-        return np.full((36, 48, 3), 0.5, np.float32)
-
-
-class Doubles(Good):
-    def render(self, camera: Camera) -> Image:
-        return super().render(camera).astype(np.float64)
-
-
-class TooBright(Good):
-    def render(self, camera: Camera) -> Image:
-        return super().render(camera) + np.float32(0.6)
+        os.kill(os.getpid(), signal.SIGSEGV)
+        return super().render(camera)
 
 
 class OneArray(Good):
@@ -185,38 +172,6 @@ class Rounds(Good):
         write_json(folder / "model.json", [self.state[0], np.round(self.state[1], 2).tolist(), self.state[2]])
 
 
-class NoTime(Good):
-    def summary(self) -> TrainingSummary:
-        return TrainingSummary(float("nan"), None, None, "cpu")
-
-
-class TellsDevice(Good):
-    def summary(self) -> TrainingSummary:
-        return replace(super().summary(), device=os.environ["HYDROVIEWS_DEVICE"])
-
-
-class ExitsWhenRendering(Good):
-    def render(self, camera: Camera) -> Image:
-        os._exit(0)
-
-
-class CrashesWhenRendering(Good):
-    def render(self, camera: Camera) -> Image:
-        os.kill(os.getpid(), signal.SIGSEGV)
-        return super().render(camera)
-
-
-class HangsWhenRendering(Good):
-    def render(self, camera: Camera) -> Image:
-        time.sleep(600)
-        return super().render(camera)
-
-
-class Unseeded(Good):
-    def draw(self, step: int, n_views: int) -> int:
-        return int(np.random.default_rng().integers(n_views))
-
-
 class OnACard(Good):
     """Never ends with the same bits."""
 
@@ -229,9 +184,7 @@ class OnACard(Good):
         return replace(super().summary(), device="a card")
 
 
-class ExactOnACard(OnACard):
-    def step(self, colours: list) -> None:
-        Good.step(self, colours)
+ExactOnACard = _toy(OnACard, step=Good.step)
 
 
 class Peeks(Good):
@@ -243,11 +196,6 @@ class Peeks(Good):
 
     def colour_of(self, view: View) -> list[float]:
         return [c * float(np.mean(self.beside)) for c in super().colour_of(view)]
-
-
-class LooksBehindMasks(Good):
-    def colour_of(self, view: View) -> list[float]:
-        return view.image().mean(axis=(0, 1)).tolist()
 
 
 class ForgetsWhatIsBad(Good):

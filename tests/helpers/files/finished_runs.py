@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import ClassVar, Self
+from typing import Self
 
 import numpy as np
 from synthetic import capture_in
@@ -17,7 +17,7 @@ from hydroviews.formats.writers import write_colmap
 from hydroviews.profiles import find_profile
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.images import Image
-from hydroviews.scene.scenes import Points, Scene, View
+from hydroviews.scene.scenes import Points, Scene
 from leaderboard.runs.run import Run, claim_folder
 from leaderboard.runs.train_and_render import train_and_render
 
@@ -63,14 +63,8 @@ class Cloud(Method):
         return TrainingSummary(0.1, len(self.gaussians), 0.1, "cpu")
 
 
-class Grey(Method):
+class Grey(Cloud):
     """Has no Gaussians."""
-
-    trains_on: ClassVar = "rainy"
-
-    @classmethod
-    def configuration(cls, profile: str) -> Settings:
-        return Settings()
 
     def fit(self, scene: Scene, folder: Path) -> None:
         pass
@@ -107,14 +101,10 @@ def finished_run(folder: Path, method: str = "Cloud", shift: float = 0.0, rainy:
 
 
 def shifted(scene: Scene, shift: float) -> Scene:
-    return replace(
-        scene,
-        views=tuple(shifted_view(view, shift) for view in scene.views),
-        points=Points(scene.points.positions + shift, scene.points.colours),
-    )
-
-
-def shifted_view(view: View, shift: float) -> View:
-    pose = view.camera.world_to_camera.copy()
-    pose[:3, 3] -= pose[:3, :3] @ np.full(3, shift)
-    return replace(view, camera=replace(view.camera, world_to_camera=pose))
+    views = []
+    for view in scene.views:
+        pose = view.camera.world_to_camera.copy()
+        pose[:3, 3] -= pose[:3, :3] @ np.full(3, shift)
+        views.append(replace(view, camera=replace(view.camera, world_to_camera=pose)))
+    points = Points(scene.points.positions + shift, scene.points.colours)
+    return replace(scene, views=tuple(views), points=points)

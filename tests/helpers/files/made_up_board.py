@@ -1,6 +1,5 @@
 """A leaderboard of made-up runs: records, scores of views, learning curves and renders, no training."""
 
-import dataclasses
 import itertools
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,7 +11,7 @@ import pandas as pd
 
 from baselines.training.learning_curve import LEARNING_CURVE, ROWS, write_rows
 from hydroviews.metrics import find_metrics
-from leaderboard.records import Record, run_folder, write_record
+from leaderboard.records import Record, columns, run_folder, write_record
 
 SIZE = (320, 240)
 
@@ -28,14 +27,7 @@ def write_board(
 ) -> None:
     """Write finished runs of every method on every scene, pattern and seed; `3dgs-clean` runs on clean views.
 
-    Args:
-        results: their folder.
-        methods: names.
-        scenes: names.
-        patterns: names, such as raindrop-1.
-        seeds: of the runs.
-        n_views: held out of each.
-        size: of the renders, width and height.
+    Each has scores of `n_views` held-out views, and renders of a size, width and height.
     """
     rng = np.random.default_rng(0)
     for method, scene, seed in itertools.product(methods, scenes, seeds):
@@ -43,10 +35,15 @@ def write_board(
             _write_run(results, rng, n_views, size, (method, scene, pattern, seed))
 
 
-def _write_run(
-    results: Path, rng: np.random.Generator, n_views: int, size: tuple[int, int], names: tuple[str, str, str, int]
-) -> None:
-    method, scene, pattern, seed = names
+def run_row(method: str, scene: str, pattern: str, seed: int = 0, **more: Any) -> dict[str, Any]:
+    """A finished run's row of a leaderboard, with the numbers that are given."""
+    names = {"method": method, "scene": scene, "pattern": pattern, "effect": pattern.rpartition("-")[0] or pattern}
+    usual = {"profile": "demo", "track": "given-poses", "submitted_by": "", "status": "done"}
+    return dict.fromkeys(columns()) | names | usual | {"seed": seed, "data_sha256": f"{scene} {pattern}"} | more
+
+
+def _write_run(results: Path, rng: np.random.Generator, n_views: int, size: tuple[int, int], run: tuple) -> None:
+    method, scene, pattern, seed = run
     folder = run_folder(results, "demo", method, scene, pattern, seed, "given-poses")
     (folder / "renders").mkdir(parents=True)
     metrics = [metric.name for metric in find_metrics()]
@@ -60,25 +57,12 @@ def _write_run(
     counts = np.linspace(8_000, 30_000, ROWS).astype(int)
     columns = ("step", "seconds", "loss", "Gaussians")
     write_rows(folder / LEARNING_CURVE, columns, zip(range(1, ROWS + 1), seconds, losses, counts, strict=True))
-    record = Record(
-        method=method,
-        scene=scene,
-        effect=pattern.rpartition("-")[0] or pattern,
-        pattern=pattern,
-        seed=seed,
-        track="given-poses",
-        status="done",
-        reason="",
-        n_train=35,
-        n_test=n_views,
-        width=size[0],
-        height=size[1],
-        scores={name: float(views[name].mean()) for name in metrics},
-        profile="demo",
-        data_sha256=f"{scene} {pattern}",
-    )
     costs: dict[str, Any] = {
         name: float(rng.uniform(10, 1000)) for name in ("train_s", "peak_mem_mb", "model_mb", "render_fps")
     }
     costs |= {"n_primitives": int(counts[-1] * rng.uniform(0.5, 2)), "device": "cpu", "version": "0"}
-    write_record(folder, dataclasses.replace(record, **costs))
+    names = {"method": method, "scene": scene, "pattern": pattern, "effect": pattern.rpartition("-")[0] or pattern}
+    facts = {"track": "given-poses", "profile": "demo", "status": "done", "reason": "", "n_train": 35}
+    sizes = {"n_test": n_views, "width": size[0], "height": size[1], "data_sha256": f"{scene} {pattern}"}
+    scores = {name: float(views[name].mean()) for name in metrics}
+    write_record(folder, Record(**names, **facts, **sizes, **costs, seed=seed, scores=scores))

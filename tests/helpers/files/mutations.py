@@ -66,16 +66,11 @@ def _reworded(draw: st.DrawFn, content: bytes) -> bytes:
     return content[: word.start()] + quoted + content[word.end() :]
 
 
+WORDS = ("", "../../secret.png", "/etc/passwd", "images/0.png", "n" * 300, "OPENCV_FISHEYE", "\ud800")
+LARGE = (10**299, -(10**299), 2**64)
 json_values = st.recursive(
-    st.one_of(
-        st.none(),
-        st.booleans(),
-        st.integers(),
-        st.sampled_from((10**299, -(10**299), 2**64)),
-        st.floats(),
-        st.sampled_from(("", "../../secret.png", "/etc/passwd", "images/0.png", "n" * 300, "OPENCV_FISHEYE", "\ud800")),
-    ),
-    lambda inner: st.one_of(st.lists(inner, max_size=4), st.fixed_dictionaries({"w": inner})),
+    st.none() | st.booleans() | st.integers() | st.sampled_from(LARGE) | st.floats() | st.sampled_from(WORDS),
+    lambda inner: st.lists(inner, max_size=4) | st.fixed_dictionaries({"w": inner}),
     max_leaves=6,
 )
 

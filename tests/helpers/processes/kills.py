@@ -1,20 +1,16 @@
 """Commands that are killed, and whether they go on to the bytes of an undisturbed run."""
 
 import hashlib
-import multiprocessing
 import os
-import runpy
 import shutil
 import signal
+import subprocess
 import sys
 import time
-from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
-from multiprocessing.process import BaseProcess
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
@@ -23,7 +19,6 @@ from baselines.splatting_profiles import PROFILES
 from baselines.training.checkpoints import CHECKPOINT
 from baselines.training.checkpoints import MODEL as MODEL_FILE
 from baselines.training.learning_curve import LEARNING_CURVE
-from hydroviews.errors import InputError
 from hydroviews.files.locks import LOCK
 from hydroviews.scene.seeds import generator
 from leaderboard.records import LEADERBOARD, PER_VIEW
@@ -35,15 +30,6 @@ METHOD, PROFILE = "kills:Brief", "demo"
 RESULTS = "results"
 ITERATIONS, CHECKPOINT_SECONDS = 200, 0.2
 POLL = 0.005  # seconds
-PARENT = "PARENT"  # in a command: the number of the process that starts it
-IMPORTED = [
-    "torch",
-    "baselines.gaussian_splatting",
-    "hydroviews.__main__",
-    "leaderboard.__main__",
-    "leaderboard.runs.train_and_render",
-]
-SERVER = multiprocessing.get_context("forkserver")
 TIMED = ["before_s", "train_s", "after_s", "render_fps", "peak_mem_mb", "sessions"]  # columns of a leaderboard
 Files = dict[str, str]  # SHA-256 by path
 
@@ -64,15 +50,6 @@ class Stage:
     end: Callable[[Path], Files]  # what has to be the same afterwards
 
 
-@dataclass(frozen=True)
-class Undisturbed:
-    """What a command does if it is left alone."""
-
-    files: Files
-    writing: float  # seconds from its first file to its end
-    seconds: float  # in all
-
-
 def stages(out: Path, patterns: Sequence[str]) -> Iterator[Stage]:
     """Building the room, training on it, scoring what was trained, each on what the one before left; all in a sweep."""
     built, trained, notes = out / "built", out / "trained", out / "notes"
@@ -86,7 +63,8 @@ def stages(out: Path, patterns: Sequence[str]) -> Iterator[Stage]:
         run = Run(METHOD, PROFILE, 0, built / PROFILE, "room", patterns[0], folder)
         claim_folder(run, overwrite=False)
         settings = [f"--run.{field.name}={getattr(run, field.name)}" for field in fields(run)]
-        return ["leaderboard.runs.train_and_render", f"--tether.notes={notes}", f"--tether.parent={PARENT}", *settings]
+        tether = [f"--tether.notes={notes}", f"--tether.parent={os.getpid()}"]
+        return ["leaderboard.runs.train_and_render", *tether, *settings]
 
     def score(folder: Path) -> list[str]:
         shutil.copytree(trained, folder, dirs_exist_ok=True)
@@ -123,44 +101,12 @@ def files_below(folder: Path, unlike: Sequence[str] = ()) -> Files:
     }
 
 
-def start(command: Sequence[str], output: Path) -> BaseProcess:
-    """A module and its arguments as `python -m` runs them, in a process forked from one that has imported all."""
-    process = SERVER.Process(target=_run, args=(command, output), daemon=True)
-    process.start()
-    return process
-
-
-def _run(command: Sequence[str], output: Path) -> None:
-    os.setsid()
-    os.environ["HYDROVIEWS_DEVICE"] = "cpu"  # where sums have one order
-    with output.open("wb") as file:
-        for stream in (1, 2):
-            os.dup2(file.fileno(), stream)
-    sys.argv = [argument.replace(PARENT, str(os.getppid())) for argument in command]
-    runpy.run_module(command[0], run_name="__main__", alter_sys=True)
-
-
-def must_end(process: BaseProcess, output: Path) -> None:
-    """Wait for a process.
-
-    Raises:
-        InputError: it fails.
-    """
-    process.join()
-    if process.exitcode:
-        raise InputError(f"{output}: status {process.exitcode}", found=output.read_text(errors="replace")[-500:])
-
-
-def undisturbed(stage: Stage, folder: Path) -> Undisturbed:
-    """Run a stage that nobody interrupts."""
-    command, output = stage.begin(fresh(folder)), folder.with_suffix(".log")
-    before, began = count_files(folder), time.perf_counter()
-    process = start(command, output)
-    wait_for_files(process, folder, before)
-    first = time.perf_counter()
-    must_end(process, output)
-    end = time.perf_counter()
-    return Undisturbed(stage.end(folder), end - first, end - began)
+def start(command: Sequence[str], folder: Path) -> subprocess.Popen:
+    """A module and its arguments, which work in a folder, on the CPU, where sums have one order."""
+    environment = {**os.environ, "HYDROVIEWS_DEVICE": "cpu"}
+    with folder.with_suffix(".log").open("wb") as log:
+        streams = {"stdout": log, "stderr": log, "env": environment, "start_new_session": True}
+        return subprocess.Popen([sys.executable, "-m", *command], **streams)
 
 
 def fresh(folder: Path) -> Path:
@@ -170,42 +116,48 @@ def fresh(folder: Path) -> Path:
     return folder
 
 
-def count_files(folder: Path) -> int:
+def begun(command: Sequence[str], folder: Path) -> subprocess.Popen:
+    """The process of a command, once it has written a file in its folder, or has ended."""
+    before = _count_files(folder)
+    process = start(command, folder)
+    while process.poll() is None and _count_files(folder) <= before:
+        time.sleep(POLL)
+    return process
+
+
+def _count_files(folder: Path) -> int:
     """Files in a folder that is being worked in, locks left out."""
     return sum(not name.startswith(LOCK) for _, _, names in os.walk(folder) for name in names)
 
 
-def wait_for_files(process: BaseProcess, folder: Path, before: int) -> None:
-    """Return once there are more files than before, or the process has ended."""
-    while process.is_alive() and count_files(folder) <= before:
-        process.join(POLL)
+def must_end(process: subprocess.Popen, folder: Path) -> None:
+    assert process.wait() == 0, folder.with_suffix(".log").read_text(errors="replace")[-500:]
+
+
+def undisturbed(stage: Stage, folder: Path) -> tuple[Files, float]:
+    """What a stage leaves that nobody interrupts, and the seconds from its first file to its end."""
+    process, first = begun(stage.begin(fresh(folder)), folder), time.perf_counter()
+    must_end(process, folder)
+    writing = time.perf_counter() - first
+    return stage.end(folder), writing
 
 
 def killed(command: Sequence[str], folder: Path, seconds: float) -> bool:
     """Start a command and kill it and its children so long after its first file; whether it was still running."""
-    before = count_files(folder)
-    process = start(command, folder.with_suffix(".log"))
-    wait_for_files(process, folder, before)
-    process.join(seconds)
-    alive = process.is_alive()
-    if alive and process.pid is not None:
+    process = begun(command, folder)
+    try:
+        process.wait(seconds)
+    except subprocess.TimeoutExpired:
         os.killpg(process.pid, signal.SIGKILL)
-    process.join()
-    return alive
+    return process.wait() == -signal.SIGKILL
 
 
-def kills(stage: Stage, folder: Path, alone: Undisturbed, count: int, seed: int) -> dict[str, Any]:
-    """Kill a stage at `count` random moments, once a run, and go on: a row of the table."""
-    random, ends, output = generator(seed, "kills", stage.name), Counter[str](), folder.with_suffix(".log")
+def kills(stage: Stage, folder: Path, writing: float, count: int) -> Iterator[Files]:
+    """Kill a stage at `count` random moments, once a run, and go on: what it leaves."""
+    random = generator(0, "kills", stage.name)
     for _ in range(count):
-        command, latest = stage.begin(fresh(folder)), alone.writing
+        command, latest = stage.begin(fresh(folder)), writing
         while not killed(command, folder, float(random.uniform(0, latest))):
             command, latest = stage.begin(fresh(folder)), latest / 2  # it was quicker than the undisturbed one
-        try:
-            must_end(start(command, output), output)
-            ends["same bytes" if stage.end(folder) == alone.files else "other bytes"] += 1
-        except InputError as error:
-            print(error)
-            ends["does not go on"] += 1
-    found = {name: ends[name] for name in ("same bytes", "other bytes", "does not go on")}
-    return {"stage": stage.name, "seconds": round(alone.seconds, 1), "kills": count, **found}
+        must_end(start(command, folder), folder)
+        yield stage.end(folder)

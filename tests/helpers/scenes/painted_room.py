@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pycolmap
 
 from hydroviews.formats.writers import write_colmap, write_nerfstudio
 from hydroviews.scene.cameras import Camera
@@ -98,7 +99,8 @@ def write_text_model(scene: Scene, folder: Path, poses=None, blank=True) -> None
     lines, tracks = [], [""] * len(scene.points)
     for number, view in enumerate(scene.views, start=1):
         pose = view.camera.world_to_camera if poses is None else poses(view.camera.world_to_camera)
-        words = (number, *quaternion(pose[:3, :3]), *pose[:3, 3], 1, view.path.name)
+        x, y, z, w = pycolmap.Rigid3d(pose[:3]).rotation.quat
+        words = (number, w, x, y, z, *pose[:3, 3], 1, view.path.name)
         lines.append(" ".join(map(str, words)))
         pixels, depths = view.camera.project(scene.points.positions)
         shown = (depths > 0) & (pixels > 0).all(axis=1) & (pixels < intrinsics[:2]).all(axis=1)
@@ -110,10 +112,3 @@ def write_text_model(scene: Scene, folder: Path, poses=None, blank=True) -> None
     rows = zip(scene.points.positions, scene.points.colours, tracks, strict=True)
     text = [" ".join(map(str, (i, *place, *colour, 0.4))) + track for i, (place, colour, track) in enumerate(rows, 1)]
     (folder / "points3D.txt").write_text("\n".join(text) + "\n")
-
-
-def quaternion(rotation):
-    """(w, x, y, z) of a rotation by less than half a turn."""
-    w = np.sqrt(max(1e-12, 1 + np.trace(rotation))) / 2
-    skew = rotation - rotation.T
-    return w, skew[2, 1] / (4 * w), skew[0, 2] / (4 * w), skew[1, 0] / (4 * w)

@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from synthetic import looking_at_origin
 
 from baselines.splatting.gaussians import Gaussians
 from baselines.splatting.rasterizer import render
@@ -17,11 +18,7 @@ BACKGROUND = np.array([0.1, 0.2, 0.3], np.float32)
 def camera(width: int, height: int, angle: float = 0.3, origin: tuple[float, float, float] = (0, 0, 0)) -> Camera:
     """Four units from the origin, looking at it, on a circle slightly above."""
     eye = np.array([4 * np.cos(angle), -0.6, 4 * np.sin(angle)])
-    forward = -eye / np.linalg.norm(eye)
-    right = np.cross(forward, [0, -1.0, 0])
-    right /= np.linalg.norm(right)
-    pose = np.eye(4)
-    pose[:3, :3] = np.stack([right, np.cross(forward, right), forward])
+    pose = looking_at_origin(eye)
     pose[:3, 3] = -pose[:3, :3] @ (eye + origin)
     focal = 0.9 * max(width, height)
     return Camera(width, height, focal, focal, width / 2, height / 2, pose)
@@ -53,9 +50,8 @@ def photographed(folder: Path, n_views: int = 12, width: int = 48, height: int =
     truth = cloud(60, degree=0, seed=3, size=0.15)
     views = []
     for index in range(n_views):
-        view = View(
-            f"view-{index:02d}", camera(width, height, 2 * np.pi * index / n_views), folder / f"{index:02d}.png"
-        )
+        seen_by = camera(width, height, 2 * np.pi * index / n_views)
+        view = View(f"view-{index:02d}", seen_by, folder / f"{index:02d}.png")
         write_png(view.path, np.clip(render(truth, view.camera)[0], 0, 1))
         views.append(view)
     noise = np.random.default_rng(0).normal(0, 0.03, truth.means.shape)

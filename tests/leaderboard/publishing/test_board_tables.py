@@ -1,10 +1,12 @@
 """Tables on pages of Markdown, filled from records: numbers against pandas, what is odd refused, the rest untouched."""
 
+import itertools
 import re
 
 import numpy as np
 import pandas as pd
 import pytest
+from made_up_board import run_row
 
 from hydroviews.errors import InputError
 from leaderboard.gather import VIEW_KEYS
@@ -23,15 +25,11 @@ def board(without=()):
     """Runs and views with scores of a scene, a method and luck; `without` are methods and scenes that have no run."""
     rng = np.random.default_rng(0)
     views = []
-    for method in SHIFT:
-        for number, scene in enumerate(PLACES):
-            for pattern in ["clean"] if method == "3dgs-clean" else PATTERNS:
-                keys = {"method": method, "scene": scene, "pattern": pattern, "seed": 0, "profile": "demo"}
-                keys |= {"submitted_by": "", "track": "given-poses", "data_sha256": scene + pattern}
-                keys["effect"] = pattern.rpartition("-")[0] or pattern
-                if (method, scene) not in without:
-                    scores = rng.normal(20 + number + SHIFT[method], 0.5, 4)
-                    views += [keys | {"view": f"v{i}", "psnr": score} for i, score in enumerate(scores)]
+    for method, (number, scene) in itertools.product(SHIFT, enumerate(PLACES)):
+        for pattern in ["clean"] if method == "3dgs-clean" else PATTERNS:
+            if (method, scene) not in without:
+                scores, run = rng.normal(20 + number + SHIFT[method], 0.5, 4), run_row(method, scene, pattern)
+                views += [run | {"view": f"v{i}", "psnr": score} for i, score in enumerate(scores)]
     found = pd.DataFrame(views, columns=[*VIEW_KEYS, "view", "psnr"])
     runs = found.groupby([name for name in VIEW_KEYS if name != "suite"], as_index=False).psnr.mean()
     versions = {"3dgs": "0.2.0+1", "3dgs-clean": "0.2.0+1, then 0.2.0+2"}  # trained in two sessions
@@ -49,28 +47,20 @@ def cells(text: str) -> dict[tuple[str, str], list[str]]:
     return {(row[0], row[1]): row[2:] for row in lines[2:]}
 
 
-def test_fewer_than_four_scenes_have_no_interval():
-    found = cells(filled(page("suites", "streak-1"), *board()))
-    assert all(re.fullmatch(r"(\*\*)?[\d.]+(\*\*)?( \(\+[\d.]+\))?", cell) for row in found.values() for cell in row)
-
-
-def test_suites_have_means_over_scenes_and_gains_with_the_interval_of_the_comparison(monkeypatch):
-    monkeypatch.setattr(board_tables, "LEAST_SCENES", 3)
+def test_suites_have_means_and_from_enough_scenes_on_the_interval_of_the_comparison(monkeypatch):
     table, views = board()
+    few = cells(filled(page("suites", "streak-1"), table, views))
+    assert all(re.fullmatch(r"(\*\*)?[\d.]+(\*\*)?( \(\+[\d.]+\))?", cell) for row in few.values() for cell in row)
+    monkeypatch.setattr(board_tables, "LEAST_SCENES", 3)
     found = cells(filled(page("suites", "raindrop-1", "streak-1"), table, views))
-    assert list(found) == [
-        ("test, 3 scenes", "raindrop, medium"),
-        ("test, 3 scenes", "streak, medium"),
-        ("development, 2 scenes", "raindrop, medium"),
-        ("development, 2 scenes", "streak, medium"),
-    ]
+    suites = ("test, 3 scenes", "development, 2 scenes")
+    assert list(found) == [(suite, f"{rain}, medium") for suite in suites for rain in ("raindrop", "streak")]
     own = views[views.scene.isin(PLACES[:3]) & views.pattern.isin(["streak-1", "clean"])]
     scenes = own.pivot_table(index="scene", columns="method", values="psnr")
     ceiling, ours, floor = found["test, 3 scenes", "streak, medium"]
     assert floor == f"{scenes['3dgs'].mean():.2f}"
-    pair = compare(
-        table[table.scene.isin(PLACES[:3]) & (table.pattern == "streak-1")], own, "psnr", ["ours", "3dgs"]
-    ).pairs
+    runs = table[table.scene.isin(PLACES[:3]) & (table.pattern == "streak-1")]
+    pair = compare(runs, own, "psnr", ["ours", "3dgs"]).pairs
     gain, half = pair.difference[0], (pair.high[0] - pair.low[0]) / 2
     assert ours == f"**{scenes['ours'].mean():.2f}** ({gain:+.2f} ± {half:.2f})"
     gains = scenes["3dgs-clean"] - scenes["3dgs"]  # Student's t of three scenes
@@ -104,9 +94,7 @@ def test_methods_have_a_row_each_in_order_of_their_means():
     own = views[views.scene.isin(["room", "courtyard", "pond"])]
     means = own.groupby(["method", "scene", "pattern"]).psnr.mean()
     shown = {method: [first, *others] for (method, first), others in found.items()}
-    assert shown["`3dgs-clean`"][:2] == [
-        f"{means['3dgs-clean', scene, 'clean']:.2f}" for scene in ("room", "courtyard")
-    ]
+    assert shown["`3dgs-clean`"][:2] == [f"{means['3dgs-clean', s, 'clean']:.2f}" for s in ("room", "courtyard")]
     drops, streaks = means["theirs", "room"][["raindrop-1", "streak-1"]]
     assert shown["`theirs`"] == [f"**{drops:.2f}**, **{streaks:.2f}**", *shown["`theirs`"][1:2], "", "35"]
     drops, streaks = means["ours", "pond"][["raindrop-1", "streak-1"]]
@@ -154,9 +142,8 @@ def test_means_are_over_the_scenes_that_all_of_them_have():
 def test_what_is_around_a_table_stays_and_a_second_time_changes_nothing():
     text = page("suites", "streak-1") + page("scenes", "raindrop-2")
     once = filled(text, *board())
-    assert once.startswith(
-        "# Title\n\nBefore.\n\n<!-- board: demo suites streak-1 -->\n\n| suite | rain | `3dgs-clean`, the"
-    )
+    start = "# Title\n\nBefore.\n\n<!-- board: demo suites streak-1 -->\n\n| suite | rain | `3dgs-clean`, the"
+    assert once.startswith(start)
     assert once.count("\n\nAfter.\n") == 2
     assert "raindrop, heavy" in once
     assert once.count("seed 0. The record of each run names its code.\n") == 2

@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from damage import edit as edit_json
+from damage import files
 from made_up_board import write_board
 from PIL import Image
 from synthetic import capture_in
@@ -26,15 +28,15 @@ from leaderboard.publishing.publish import publish
 from leaderboard.records import code_version
 
 RUN = "demo/3dgs/pond/streak-1/seed-0"
+SCORED = ("record.json", "per_view.csv", "learning_curve.csv")
 SMALL_RENDERS = {f"renders/{view:03}.webp" for view in (0, 16, 32)}
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     results = tmp_path_factory.mktemp("made")
-    write_board(
-        results, ("3dgs", "3dgs-clean", "ours"), ("pond", "courtyard"), ("raindrop-1", "streak-1"), size=(16, 16)
-    )
+    methods, patterns = ("3dgs", "3dgs-clean", "ours"), ("raindrop-1", "streak-1")
+    write_board(results, methods, ("pond", "courtyard"), patterns, size=(16, 16))
     return results
 
 
@@ -49,13 +51,7 @@ def board(tmp_path):
 
 
 def edit(results: Path, run: str = RUN, **changes) -> None:
-    path = results / run / "record.json"
-    path.write_text(json.dumps({**json.loads(path.read_text()), **changes}))
-
-
-def files(folder: Path) -> dict[str, bytes]:
-    paths = [path for path in folder.rglob("*") if path.is_file() and not path.name.startswith(".")]
-    return {str(path.relative_to(folder)): path.read_bytes() for path in paths}
+    edit_json(results / run / "record.json", **changes)
 
 
 def done(run: str, files_there: dict[str, bytes]) -> set[str]:
@@ -65,9 +61,8 @@ def done(run: str, files_there: dict[str, bytes]) -> set[str]:
 def test_a_board_is_records_and_scores_and_reads_as_the_results_do(results, board):
     outcome = publish(results, board)
     assert (len(outcome.written), outcome.kept, outcome.left_out) == (10, 0, {})
-    kept = ("record.json", "per_view.csv", "learning_curve.csv")
     measured = {name: content for name, content in files(board).items() if not name.endswith(".webp")}
-    assert measured == {name: content for name, content in files(results).items() if name.endswith(kept)}
+    assert measured == {name: content for name, content in files(results).items() if name.endswith(SCORED)}
     table = collect(board)
     pd.testing.assert_frame_equal(table, collect(results))
     pd.testing.assert_frame_equal(collect_views(table, board), collect_views(table, results))
@@ -107,10 +102,8 @@ def test_what_is_partial_or_not_trusted_is_left_out_with_the_reason(results, boa
 
 def test_a_failed_run_is_published_as_its_record_alone_and_counts_in_tables(results, board):
     name = "demo/ours/pond/raindrop-1/seed-0"
-    scored = {
-        path: (results / name / path).read_bytes() for path in ("record.json", "per_view.csv", "learning_curve.csv")
-    }
-    for path in ("per_view.csv", "learning_curve.csv"):
+    scored = {path: (results / name / path).read_bytes() for path in SCORED}
+    for path in SCORED[1:]:
         (results / name / path).unlink()
     edit(results, name, status="failed", reason="no memory", psnr=None, ssim=None, lpips_alex=None, lpips_vgg=None)
     assert Path(name) in publish(results, board).written
@@ -188,6 +181,7 @@ def test_an_interruption_leaves_no_half_run_and_the_same_command_does_the_rest(r
     (killed / "record.json").write_text("{")
     assert len(publish(results, board).written) == 7
     assert len(files(board)) == 60
+    assert not killed.exists()
 
 
 @pytest.mark.parametrize("listed", [True, False], ids=["written here", "of a repository"])
@@ -199,8 +193,7 @@ def test_files_of_the_users_in_the_folder_of_a_run_stay(results, board, listed, 
     edit(results, train_s=1.0)
     assert publish(results, board, overwrite=True).written == (Path(RUN),)
     assert json.loads((board / RUN / "record.json").read_text())["train_s"] == 1.0
-    whole = {"record.json", "per_view.csv", "learning_curve.csv"} | SMALL_RENDERS
-    assert set(files(board / RUN)) == {"notes.txt"} | whole
+    assert set(files(board / RUN)) == {"notes.txt", *SCORED} | SMALL_RENDERS
     assert (board / RUN / "notes.txt").read_text() == "mine"
     (board / RUN / "record.json").unlink()
     (board / RUN / "record.json").write_text("my own record")
@@ -220,15 +213,11 @@ def test_three_small_renders_go_along_on_scenes_that_the_project_draws(tmp_path,
         small = np.asarray(Image.open(board / RUN / f"renders/{view:03}.webp"), np.float32) / 255
         assert np.abs(given - small).mean() < 0.05
     assert not list(board.glob("demo/3dgs/mipnerf360_bonsai/**/*.webp"))
-
-
-def test_pictures_that_a_board_lacks_come_with_the_next_publication(results, board):
-    publish(results, board)
-    shutil.rmtree(board / RUN / "renders")
-    assert publish(results, board, overwrite=True).written == (Path(RUN),)
-    assert done(f"{RUN}/renders", files(board)) == {Path(name).name for name in SMALL_RENDERS}
-    shutil.rmtree(results / RUN / "renders")  # what is on the board stays
-    assert publish(results, board).written == ()
+    shutil.rmtree(board / RUN / "renders")  # what a board lacks comes with the next publication
+    assert publish(tmp_path / "results", board, overwrite=True).written == (Path(RUN),)
+    assert done(RUN, files(board)) >= SMALL_RENDERS
+    shutil.rmtree(tmp_path / "results" / RUN / "renders")  # what is on the board stays
+    assert publish(tmp_path / "results", board).written == ()
 
 
 def test_views_that_runs_were_given_lie_once_on_a_board_and_are_copied_with_it(results, board, tmp_path, caplog):

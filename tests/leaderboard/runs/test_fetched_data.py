@@ -5,46 +5,36 @@ from dataclasses import asdict
 
 import pytest
 from shared_data_set import SHAREABLE, built_in
-from synthetic import capture_in
+from synthetic import written_capture
 
 from hydroviews.dataset.manifest import data_hash
 from hydroviews.dataset.sharing.fetch import fetch
 from hydroviews.dataset.sharing.pack import pack
 from hydroviews.dataset.sources import build_source
 from hydroviews.errors import InputError
-from hydroviews.formats.writers import write_colmap
 from hydroviews.profiles import find_profile
-from leaderboard.evaluate import EvaluateRequest, evaluate
+from leaderboard.evaluate import evaluate
 from leaderboard.records import NOTED
 
 
-def comparable(record):
-    """What a record says of data and scores, not of the machine and the time that it took."""
-    return {name: value for name, value in asdict(record).items() if name not in NOTED}
-
-
 @pytest.mark.usefixtures("toys", "trained_here")
-def test_an_evaluation_of_fetched_data_gives_the_records_of_the_original(tmp_path):
-    capture = tmp_path / "yard"
-    write_colmap(capture_in(capture), capture / "sparse" / "0")
+def test_an_evaluation_of_fetched_data_gives_the_records_of_the_original(tmp_path, request_of):
+    def evaluated(scene, folder):
+        """What records say of data and scores, not of the machine and the time that it took."""
+        where = {"data": folder / "data", "results": folder / "results"}
+        records = evaluate(request_of(scene=str(scene), patterns=("streak-1",), **where))
+        return [{name: value for name, value in asdict(one).items() if name not in NOTED} for one in records]
+
+    capture, ours, theirs = written_capture(tmp_path / "yard"), tmp_path / "ours", tmp_path / "theirs"
     (capture / "capture.json").write_text(json.dumps(SHAREABLE))
-    ours, theirs = tmp_path / "ours", tmp_path / "theirs"
-    records = [evaluated(str(capture), ours)]
+    original = evaluated(capture, ours)
     [(path, _)] = pack(ours / "data/demo/yard", tmp_path / "out", patterns=["streak-1"])
     fetch(str(path), theirs / "data/demo")
-    records.append(evaluated("yard", theirs))
-    assert records[0] == records[1]
-    assert [(one["status"], one["pattern"]) for one in records[0]] == [("done", "clean"), ("done", "streak-1")]
+    assert evaluated("yard", theirs) == original
+    assert [(one["status"], one["pattern"]) for one in original] == [("done", "clean"), ("done", "streak-1")]
     hashes = [data_hash(ours / "data/demo", "yard", name) for name in ("clean", "streak-1")]
-    assert [one["data_sha256"] for one in records[1]] == hashes
-    assert records[0][0]["scores"]["psnr"] > records[0][1]["scores"]["psnr"] > 5
-
-
-def evaluated(scene, folder):
-    request = EvaluateRequest(
-        "toy_methods:MeanColour", scene, patterns=("streak-1",), data=folder / "data", results=folder / "results"
-    )
-    return [comparable(record) for record in evaluate(request)]
+    assert [one["data_sha256"] for one in original] == hashes
+    assert original[0]["scores"]["psnr"] > original[1]["scores"]["psnr"] > 5
 
 
 def test_an_evaluation_needs_no_capture_for_what_was_fetched(tmp_path):

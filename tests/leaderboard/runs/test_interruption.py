@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from processes import PATIENCE, wait_until
 
-from leaderboard.evaluate import EvaluateRequest, evaluate
+from leaderboard.evaluate import evaluate
 
 REPOSITORY = Path(__file__).parents[3]
 
@@ -23,22 +23,18 @@ REPOSITORY = Path(__file__).parents[3]
     ],
 )
 @pytest.mark.usefixtures("toys", "evaluated", "trained_here")  # reference rows are there; the last call is ours
-def test_an_interruption_ends_quietly_and_the_same_command_goes_on(
-    evaluated_once, tmp_path, caplog, to, number, status
-):
-    capture, data, results = evaluated_once[0] / "yard", tmp_path / "data", tmp_path / "results"
-    command = [sys.executable, "-m", "hydroviews", "eval", "toy_methods:WaitsOnce"]
-    command += ["--scene", str(capture), "--patterns", "streak-0"]
-    command += ["--data", str(data), "--results", str(results)]
+def test_an_interruption_ends_quietly_and_the_same_command_goes_on(request_of, caplog, to, number, status):
+    request = request_of("WaitsOnce")
     code = (
         "import leaderboard.evaluate as e, leaderboard.tables.dataframes as t;"
         "e.CEILING = t.CEILING = 'toy_methods:MeanColourClean'; e.FLOOR = t.FLOOR = 'toy_methods:MeanColour';"
         "e.probe = lambda *_: None; from hydroviews.__main__ import main; main()"
     )
-    command[1:3] = ["-c", code]
+    command = [sys.executable, "-c", code, "eval", "toy_methods:WaitsOnce", "--scene", request.scene]
+    command += ["--patterns", "streak-0", "--data", str(request.data), "--results", str(request.results)]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(REPOSITORY), str(Path(__file__).parents[1])])}
     process = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True)
-    run = results / "demo/toy_methods.WaitsOnce/yard/streak-0/seed-0"
+    run = request.results / "demo/toy_methods.WaitsOnce/yard/streak-0/seed-0"
     wait_until((run / "begun").exists, process)
     (child,) = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
     if to == "group":
@@ -54,6 +50,5 @@ def test_an_interruption_ends_quietly_and_the_same_command_goes_on(
     assert not Path(f"/proc/{child}").exists()
     assert "Traceback" not in errors
     assert (run / "record.json").exists() == (status == 1)
-    request = EvaluateRequest("toy_methods:WaitsOnce", str(capture), patterns=("streak-0",), data=data, results=results)
     assert [record.status for record in evaluate(request)] == ["done"] * 3
     assert "toy_methods:MeanColour on yard/streak-0, seed 0: kept" in caplog.text

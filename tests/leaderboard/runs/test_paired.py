@@ -17,18 +17,11 @@ from hydroviews.files.atomic import write_json
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.profiles import find_profile
 from hydroviews.scene.images import read_image, write_png
-from leaderboard.evaluate import EvaluateRequest, evaluate, outcome
-from leaderboard.runs.run import Run, claim_folder
-from leaderboard.runs.train_and_render import train_and_render
-from leaderboard.scoring.score import score
+from leaderboard.evaluate import evaluate, outcome
+from leaderboard.runs.run import Run
 from leaderboard.tables import rain_losses as severity
 
 PARTS = [0, 1, 2, 3, 4, 5], [6, 7, 8]  # clutter and extra
-
-
-def run(tmp_path: Path, scene: Path, method: str = "MeanColour"):
-    where = {"data": tmp_path / "data", "results": tmp_path / "results"}
-    return evaluate(EvaluateRequest(f"toy_methods:{method}", str(scene), **where))
 
 
 def built(tmp_path: Path, capture: Path) -> Path:
@@ -36,18 +29,19 @@ def built(tmp_path: Path, capture: Path) -> Path:
 
 
 @pytest.mark.usefixtures("toys", "trained_here")
-def test_of_both_photographs_ceiling_and_floor_are_scored(tmp_path, monkeypatch):
+def test_of_both_photographs_ceiling_and_floor_are_scored(tmp_path, request_of, monkeypatch):
     capture = paired_capture(tmp_path / "walk")
     (capture / "LICENSE").write_text("CC0")
-    ceiling, floor = run(tmp_path, capture)
+    request = request_of(scene=str(capture), patterns=())
+    ceiling, floor = evaluate(request)
     assert (floor.status, floor.effect, floor.pattern, floor.reason) == ("done", "captured", CAPTURED, "")
     assert (ceiling.pattern, ceiling.status) == ("clean", "done")
     folder = tmp_path / "results/demo/toy_methods.MeanColour/walk/captured-0/seed-0"
-    pairs = [
-        (read_image(folder / f"renders/{name}.png"), read_image(capture / f"clean/{name}.png"))
+    scores = [
+        metrics.psnr(read_image(folder / f"renders/{name}.png"), read_image(capture / f"clean/{name}.png"))
         for name in (NAMES[0], NAMES[8])
     ]
-    assert floor.scores["psnr"] == pytest.approx(np.mean([metrics.psnr(*pair) for pair in pairs]), abs=1e-4)
+    assert floor.scores["psnr"] == pytest.approx(np.mean(scores), abs=1e-4)
     assert read_image(folder / "preview.png").shape[1] == 4 * 48  # rainy view, render, clean view, error
     assert "| 100 % |" in outcome(floor, tmp_path / "results")  # of the gap, in the ceiling's row
     scene = tmp_path / "data/demo/walk"
@@ -60,18 +54,18 @@ def test_of_both_photographs_ceiling_and_floor_are_scored(tmp_path, monkeypatch)
     assert losses.loss[0] == pytest.approx(ceiling.scores["psnr"] - floor.scores["psnr"], abs=2e-3)
     assert f"{losses.loss[0]:.2f} dB" in (scene / "README.md").read_text()
     assert verify(scene.parent) == []
-    assert run(tmp_path, capture) == [ceiling, floor]
+    assert evaluate(request) == [ceiling, floor]
 
 
 @pytest.mark.usefixtures("toys", "trained_here")
-def test_of_other_views_there_is_no_ceiling(tmp_path, caplog):
+def test_of_other_views_there_is_no_ceiling(tmp_path, request_of, caplog):
     capture = paired_capture(tmp_path / "walk", NAMES[:6], NAMES[6:])
-    (floor,) = run(tmp_path, capture)
+    (floor,) = evaluate(request_of(scene=str(capture), patterns=()))
     assert (floor.status, floor.n_train, floor.n_test) == ("done", 6, 3)
     assert floor.scores["psnr"] > 0
     assert "walk: its training views have no clean photographs: no row of toy_methods:MeanColourClean" in caplog.text
     with pytest.raises(InputError, match="learns from clean views, and walk was taken in rain, without them"):
-        run(tmp_path, capture, "MeanColourClean")
+        evaluate(request_of("MeanColourClean", scene=str(capture), patterns=()))
     preview = "results/demo/toy_methods.MeanColour/walk/captured-0/seed-0/preview.png"
     assert read_image(tmp_path / preview).shape[1] == 3 * 48  # there is no rainy view
     row = pd.read_csv(tmp_path / "results/leaderboard.csv").iloc[0]
@@ -121,11 +115,3 @@ def test_a_method_gets_no_clean_photograph(tmp_path, clean):
         train = open_clean(folder).split.train
         assert pictures == {f"walk/{CAPTURED}/images/{name}.png" for name in train}
         assert [view.name for view in lent.training_scene().views] == NAMES  # of the others there are cameras
-
-
-def trained(data: Path, pattern: str, results: Path, method: str = "3dgs", scene: str = "yard"):
-    one = Run(method, "demo", 0, data / "demo", scene, pattern, results)
-    claim_folder(one, overwrite=False)
-    with one.lent() as (lent, _):
-        train_and_render(lent)
-    return one, score(one)

@@ -16,16 +16,18 @@ from leaderboard.runs.own_files import PREDICTION
 from leaderboard.runs.train_and_render import train_and_render
 from leaderboard.scoring.score import score
 
-COMMAND = "from leaderboard.runs.train_and_render import peak_memory_mb; print(peak_memory_mb())"
+
+def peak(before: str) -> float:
+    """Of a process that does something before."""
+    code = f"{before}; from leaderboard.runs.train_and_render import peak_memory_mb; print(peak_memory_mb())"
+    return float(subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout)
 
 
 def test_memory_is_the_processs_own():
     ballast = np.ones(300_000_000, np.uint8)  # of a parent that is larger than its child
-    found = float(subprocess.run([sys.executable, "-c", COMMAND], check=True, capture_output=True, text=True).stdout)
+    found = peak("pass")
     assert ballast[0] == 1
-    large = f"import numpy; ballast = numpy.ones(500_000_000, numpy.uint8); {COMMAND}"
-    more = float(subprocess.run([sys.executable, "-c", large], check=True, capture_output=True, text=True).stdout)
-    assert 450 < more - found < 550
+    assert 450 < peak("import numpy; ballast = numpy.ones(500_000_000, numpy.uint8)") - found < 550
 
 
 def test_a_record_tells_the_gpus_memory_and_where_was_rendered(tmp_path, monkeypatch):

@@ -15,19 +15,11 @@ from processes import wait_until
 from hydroviews.cli.process_family import Family
 from hydroviews.errors import InputError
 from leaderboard.runs import supervision
-from leaderboard.runs.supervision import (
-    HOUR,
-    WORKERS,
-    Limits,
-    Watch,
-    end_gently,
-    known_workers,
-    newest_change,
-    run_tethered,
-)
+from leaderboard.runs.supervision import HOUR, WORKERS, Limits, Watch, known_workers, newest_change, run_tethered
 
 PLACES = os.pathsep.join([str(Path(tethered_toy.__file__).parent), str(Path(__file__).parents[3])])
 LONG = Limits(time=1, stall=1)
+LINUX = pytest.mark.skipif(sys.platform != "linux", reason="elsewhere processes and their memory are not told so well")
 
 
 @pytest.fixture
@@ -37,7 +29,8 @@ def why(tmp_path, monkeypatch):
 
     def run(deed: str, limits: Limits = LONG) -> str:
         watch = Watch(limits, [tmp_path])
-        return run_tethered("tethered_toy", [f"--deed={deed}"], tmp_path, watch, end_gently, limits.memory)
+        end = supervision.end_gently
+        return run_tethered("tethered_toy", [f"--deed={deed}"], tmp_path, watch, end, limits.memory)
 
     return run
 
@@ -78,11 +71,7 @@ def test_a_thread_that_is_left_running_holds_nobody_up(why, monkeypatch, tmp_pat
     [
         ("leaves a process", ""),
         ("leaves a process and raises", "ArithmeticError: step 7"),
-        pytest.param(
-            "leaves a process in a session of its own",
-            "",
-            marks=pytest.mark.skipif(sys.platform != "linux", reason="elsewhere such processes are not found"),
-        ),
+        pytest.param("leaves a process in a session of its own", "", marks=LINUX),
     ],
 )
 def test_processes_that_are_left_running_are_ended(why, tmp_path, caplog, deed, reason):
@@ -100,7 +89,7 @@ def sleepers(folder: Path) -> list[str]:
     return [line for line in listed.splitlines() if str(folder) in line]
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere the system limits address space alone")
+@LINUX
 def test_the_system_refuses_more_memory_than_allowed(why):
     assert why("eats memory", Limits(1, 1, memory=0.5)) == "MemoryError:  (--memory-limit 0.5)"
     assert why("eats memory", Limits(1, 1, memory=4)) == ""
@@ -141,14 +130,12 @@ def test_who_prints_or_writes_is_not_taken_for_dead(tmp_path, hours, sign):
     assert watch.reason.startswith("no line")
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere it is not known what processes write")
+@LINUX
 def test_what_a_command_of_the_method_writes_is_a_sign_of_life_wherever_it_goes(tmp_path, hours):
     family, watch = Family(), Watch(Limits(time=10, stall=1), [tmp_path])
     pulse = supervision.Pulse(family, tmp_path / "alive")
-    shell = "while read line; do echo $line; done"
-    script = subprocess.Popen(
-        ["sh", "-c", shell], env=family.environment(), stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, bufsize=0
-    )
+    shell, pipes = "while read line; do echo $line; done", {"stdin": subprocess.PIPE, "stdout": subprocess.DEVNULL}
+    script = subprocess.Popen(["sh", "-c", shell], env=family.environment(), bufsize=0, **pipes)
     try:
         wait_until(lambda: script.pid in family.written(), script)
         pulse.feel()

@@ -10,6 +10,7 @@ from leaderboard.evaluate import evaluate
 from leaderboard.records import LONGEST
 
 pytestmark = pytest.mark.usefixtures("toys", "evaluated")
+LINUX = pytest.mark.skipif(sys.platform != "linux", reason="elsewhere the system limits address space alone")
 HOUR = 3600
 LEFTOVERS = 8  # of `LeavesInTheWay`; the last takes the run's folder itself away
 
@@ -65,31 +66,29 @@ def test_numbers_of_a_library_are_numbers(row_of):
     assert (row.train_s, row.n_primitives, row.model_mb) == (0.5, 7, 0.001)
 
 
-def test_what_is_wrong_with_the_machine_is_not_its_fault(row_of, monkeypatch):
+@pytest.mark.parametrize(
+    ("method", "message"), [("NoGpu", "^device cuda:9: unknown"), ("FillsTheDisk", "no space left on the disk")]
+)
+def test_what_is_wrong_with_the_machine_is_not_its_fault_and_ends_the_command(row_of, monkeypatch, method, message):
     monkeypatch.delenv("HYDROVIEWS_DEVICE", raising=False)
-    with pytest.raises(InputError, match=r"^device cuda:9: unknown"):
-        row_of("NoGpu")
+    with pytest.raises(InputError, match=message):
+        row_of(method)
 
 
-def test_it_fails_alone_where_it_takes_longer_than_allowed(row_of):
-    row = row_of("Hangs", time_limit=1 / HOUR)
+@pytest.mark.parametrize(
+    ("method", "limit", "reason"),
+    [
+        ("Hangs", {"time_limit": 1 / HOUR}, "not done after 0.000277778 h (--time-limit, in hours, allows more)"),
+        pytest.param("EatsMemory", {"memory_limit": 4.0}, "--memory-limit 4", marks=LINUX),
+    ],
+)
+def test_it_fails_alone_where_it_takes_more_than_allowed(row_of, method, limit, reason):
+    row = row_of(method, **limit)
     assert row.status == "failed"
-    assert "not done after 0.000277778 h (--time-limit, in hours, allows more)" in row.reason
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere the system limits address space alone")
-def test_it_fails_alone_where_it_takes_more_memory_than_allowed(row_of):
-    row = row_of("EatsMemory", memory_limit=4.0)
-    assert row.status == "failed"
-    assert "--memory-limit 4" in row.reason
+    assert reason in row.reason
 
 
 def test_what_it_prints_and_changes_in_its_memory_is_no_harm(row_of, evaluated):
     row = row_of("PrintsGarbageAndChangesInput")
     assert row.status == "done"
     assert row.psnr == evaluated.scores["psnr"]
-
-
-def test_a_full_disk_is_not_its_fault_and_ends_the_command(row_of):
-    with pytest.raises(InputError, match="no space left on the disk"):
-        row_of("FillsTheDisk")

@@ -2,6 +2,7 @@
 
 import json
 import logging
+import re
 import shutil
 from collections.abc import Callable
 from html.parser import HTMLParser
@@ -27,7 +28,7 @@ from leaderboard.site.write import PLOTTED, write_site
 from leaderboard.tables.dataframes import cost_means
 from leaderboard.tables.markdown import COST_TITLES, cost_text
 from leaderboard.tables.means import blocks, shown_names
-from leaderboard.tables.rankings import rankings
+from leaderboard.tables.rankings import RankedMethod, rankings
 
 THEIRS = "<img src=x onerror=alert(1)>\"'& <\\script><script>alert(2)< (submitted)"
 THEIRS_IN_RECORDS = THEIRS.removesuffix(" (submitted)")
@@ -83,9 +84,18 @@ def papers_and_code(*methods: str) -> set[str]:
     return {address for one in found for address in (one.link, one.code) if address}
 
 
+def pages_of(results: Path) -> dict[Path, Page]:
+    return {path: Page(path) for path in sorted((results / "site").rglob("*.html"))}
+
+
 @pytest.fixture(scope="module")
 def pages(written):
-    return {path: Page(path) for path in sorted((written / "site").rglob("*.html"))}
+    return pages_of(written)
+
+
+def one(pages: dict[Path, Page], name: str) -> Page:
+    """The first page with such a name."""
+    return next(page for path, page in pages.items() if re.search(name, str(path)))
 
 
 @pytest.fixture
@@ -103,7 +113,7 @@ def test_there_is_a_page_per_method_scene_and_run(written, pages):
 @pytest.mark.parametrize("board", ["written", "shipped"])
 def test_links_and_pictures_resolve_and_nothing_is_outside(request, board):
     results = request.getfixturevalue(board)
-    found = {path: Page(path) for path in sorted((results / "site").rglob("*.html"))}
+    found = pages_of(results)
     theirs = {"https://example.org/a?b=1&c=2", *papers_and_code("3dgs", "3dgs-clean", "deraings", "nerf-w")}
     for path, page in found.items():
         for tag, attributes in page.elements:
@@ -123,15 +133,13 @@ def test_links_and_pictures_resolve_and_nothing_is_outside(request, board):
 
 
 def test_a_board_shows_the_renders_that_it_has_and_says_where_it_has_none(shipped):
-    found = {path: Page(path) for path in sorted((shipped / "site").rglob("*.html"))}
+    found = pages_of(shipped)
     assert len(found) == 1 + 6 + 2 + 15
-    drawn, captured = (
-        next(p for path, p in found.items() if f"scenes/{name}" in str(path)) for name in ("pond", "mip")
-    )
+    drawn, captured = (one(found, f"scenes/{name}") for name in ("pond", "mip"))
     assert [a for a in drawn.all("form") if "viewer" in a["class"]]
     assert not captured.all("img")
     assert "These runs have no pictures." in "".join(captured.text)
-    run = next(page for path, page in found.items() if path.parent.name == "runs" and "bonsai" in path.name)
+    run = one(found, "runs/.*bonsai")
     files = [a["href"].rpartition("/")[2] for a in run.all("a")]
     assert files[-3:] == ["learning_curve.csv", "per_view.csv", "record.json"]
 
@@ -141,7 +149,7 @@ def test_a_board_without_renders_has_pages_that_say_so(written, tmp_path):
     for drawn in (tmp_path / "board").glob("demo/*/pond"):
         shutil.rmtree(drawn)
     write_board(tmp_path / "board", tmp_path / "shown")
-    found = {path: Page(path) for path in sorted((tmp_path / "shown" / "site").rglob("*.html"))}
+    found = pages_of(tmp_path / "shown")
     for path, page in found.items():
         assert page.all("img") == []
         assert not [a for a in page.all("form") if "viewer" in a["class"]]
@@ -149,9 +157,9 @@ def test_a_board_without_renders_has_pages_that_say_so(written, tmp_path):
     assert "A page of tables each." in "".join(found[tmp_path / "shown" / "site" / "index.html"].text)
 
 
-def test_the_course_of_a_training_is_drawn(written):
-    page = written / "site" / "runs" / page_name("demo", "3dgs", "pond", "streak-1", "0", "given-poses")
-    names = [drawing["aria-label"].partition(":")[0] for drawing in Page(page).all("svg")]
+def test_the_course_of_a_training_is_drawn(pages):
+    page = one(pages, f"runs/{page_name('demo', '3dgs', 'pond', 'streak-1', '0', 'given-poses')}")
+    names = [drawing["aria-label"].partition(":")[0] for drawing in page.all("svg")]
     assert names == ["loss over the seconds of training", "Gaussians over the seconds of training"]
 
 
@@ -210,38 +218,36 @@ def shows(cell: tuple[str, dict], value: float | None, text: Callable[[float], s
     )
 
 
+def has_scores_and_gain(cells: dict[str, tuple[str, dict]], ranked: RankedMethod) -> bool:
+    scores = [shows(cells[metric.title], ranked.scores[metric.name], metric.text) for metric in find_metrics()]
+    return all(scores) and shows(cells["Gain over 3dgs"], ranked.gain, lambda gain: f"{gain:+.2f}")
+
+
 @pytest.mark.parametrize("suite", SCENE_OF)
 def test_there_is_a_table_per_rain_and_grade_with_every_method_that_has_runs(written, pages, suite):
     runs, metrics = runs_of_suite(collect(written), suite), find_metrics()
     tables = tables_by_name(pages[written / "site" / "index.html"])
-    scene = next(page for path, page in pages.items() if path.name.startswith(SCENE_OF[suite].replace("_", "-")))
-    ranked = rankings(runs)
-    assert [found.title for found in ranked] == ["streak, medium", "raindrop, light"]
-    for found in ranked:
+    scene = one(pages, f"scenes/{SCENE_OF[suite].replace('_', '-')}")
+    assert [found.title for found in rankings(runs)] == ["streak, medium", "raindrop, light"]
+    for found in rankings(runs):
         title = found.title.capitalize()
         for head, *rows in (tables[f"{title}, {suite} suite, demo, given-poses"], tables_by_name(scene)[title]):
             names = [text for text, _ in head]
             assert names[:4] == ["Rank", "Method", metrics[0].title, "Gain over 3dgs"]
-            assert [row[1][0] for row in rows] == [one.method for one in found.methods]
+            assert [row[1][0] for row in rows] == [ranked.method for ranked in found.methods]
             assert "nerf-w" not in [row[1][0] for row in rows]  # its only run failed
-            for one, row in zip(found.methods, rows, strict=True):
+            for ranked, row in zip(found.methods, rows, strict=True):
                 cells = dict(zip(names, row, strict=True))
-                assert cells["Rank"][0] == ("" if one.rank is None else str(one.rank))
-                for metric in metrics:
-                    assert shows(cells[metric.title], one.scores[metric.name], metric.text)
-                assert shows(cells["Gain over 3dgs"], one.gain, lambda gain: f"{gain:+.2f}")  # no interval of one scene
-                assert shows(cells["Seconds"], one.seconds, cost_text)
+                assert cells["Rank"][0] == ("" if ranked.rank is None else str(ranked.rank))
+                assert has_scores_and_gain(cells, ranked)  # no interval of one scene
+                assert shows(cells["Seconds"], ranked.seconds, cost_text)
                 assert cells["Scenes"][0] == "1 scene"
-                is_best = one.rank is not None and found.best["psnr"] == one.scores["psnr"]
+                is_best = ranked.rank is not None and found.best["psnr"] == ranked.scores["psnr"]
                 assert ("best" in cells[metrics[0].title][1]["class"].split()) == is_best
 
 
-def page_of(pages: dict[Path, Page], method: str) -> Page:
-    return next(page for path, page in pages.items() if path.name == method_page(method))
-
-
 def test_a_method_has_its_paper_authors_code_and_licence_on_a_page_that_the_ranking_leads_to(written, pages):
-    index, page = pages[written / "site" / "index.html"], page_of(pages, "3dgs")
+    index, page = pages[written / "site" / "index.html"], one(pages, f"/{method_page('3dgs')}")
     address = f"methods/{method_page('3dgs')}"
     assert [a["href"] for a in index.all("a")].count(address) == 2 * 2 + 1  # rankings, and the list of methods
     cited, text = citation_of("3dgs"), "".join(page.text)
@@ -249,28 +255,26 @@ def test_a_method_has_its_paper_authors_code_and_licence_on_a_page_that_the_rank
     assert papers_and_code("3dgs") <= {a["href"] for a in page.all("a")}
     assert "hydroviews eval 3dgs\n" in text
     assert "With +enhance" not in text
-    theirs = "".join(page_of(pages, THEIRS).text)
+    theirs = "".join(one(pages, method_page(THEIRS)).text)
     assert "Submitted by <b>Ada</b>" in theirs
     assert "hydroviews eval" not in theirs
 
 
 @pytest.mark.parametrize("method", ["3dgs-clean", "deraings"])
 def test_the_page_of_a_method_has_its_scores_by_rain_and_unfolds_them_by_scene(written, pages, method):
-    table, page, metrics = collect(written), page_of(pages, method), find_metrics()
+    table, page = collect(written), one(pages, f"/{method_page(method)}")
     tables = tables_by_name(page)
     assert len(page.all("details")) == 2 * len(SCENE_OF)
     for suite, scene in SCENE_OF.items():
         for found in rankings(runs_of_suite(table, suite)):
-            one, title = next(one for one in found.methods if one.method == method), found.title.capitalize()
+            ranked, title = next(r for r in found.methods if r.method == method), found.title.capitalize()
             head, *rows = tables[f"Scores, {suite} scenes, demo, given-poses"]
             [row] = [row for row in rows if row[0][0] == title]
             scene_head, scene_row = tables[f"{title} by scene, {suite} scenes, demo, given-poses"]
             assert scene_row[0][0] == scene
             assert scene_row[[text for text, _ in scene_head].index("Seeds")][0] == "0"
             for names, own in ((head, row), (scene_head, scene_row)):
-                cells = dict(zip([text for text, _ in names], own, strict=True))
-                assert all(shows(cells[metric.title], one.scores[metric.name], metric.text) for metric in metrics)
-                assert shows(cells["Gain over 3dgs"], one.gain, lambda gain: f"{gain:+.2f}")
+                assert has_scores_and_gain(dict(zip([text for text, _ in names], own, strict=True)), ranked)
     paper = [found for found in page.tables if found[0][-1][0] == "PSNR (paper)"]
     assert [found[1][-1][0] for found in paper] == (["27.41"] if method == "deraings" else [])
 
@@ -336,7 +340,7 @@ def test_the_viewer_has_renders_of_all_methods_and_they_are_the_runs(written, pa
 
 
 def test_published_numbers_stand_beside_ours(pages):
-    page = next(page for path, page in pages.items() if path.name.startswith("mipnerf360-bonsai"))
+    page = one(pages, "scenes/mipnerf360-bonsai")
     table = next(found for found in page.tables if found[0][-1][0] == "LPIPS (paper)")
     row = next(row for row in table if row[1][0] == "deraings")
     assert [text for text, _ in row[-3:]] == ["27.41", "0.877", "0.173"]

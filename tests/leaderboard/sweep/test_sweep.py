@@ -29,16 +29,10 @@ TIMES = ["train_s", "before_s", "after_s", "render_fps", "peak_mem_mb", "session
 def request_of(toys, evaluated_once, tmp_path, monkeypatch):
     """Makes a request for toy methods on the capture, with data and results in `tmp_path`."""
     monkeypatch.setattr(matrix, "probe", lambda method, profile: None)
+    usual = {"scenes": (str(evaluated_once[0] / "yard"),), "patterns": ("streak-0",), "workers": 1}
+    usual |= {"data": evaluated_once[0] / "data", "results": tmp_path / "swept"}
     return lambda methods, **changes: SweepRequest(
-        methods=tuple(f"toy_methods:{method}" for method in methods),
-        scenes=(str(evaluated_once[0] / "yard"),),
-        **{
-            "patterns": ("streak-0",),
-            "data": evaluated_once[0] / "data",
-            "results": tmp_path / "swept",
-            "workers": 1,
-            **changes,
-        },
+        methods=tuple(f"toy_methods:{method}" for method in methods), **{**usual, **changes}
     )
 
 
@@ -73,11 +67,8 @@ def test_a_failed_run_costs_its_row_only_and_what_is_done_is_skipped(request_of,
 def test_runs_of_a_matrix(request_of, tmp_path, evaluated_once):
     """A method that sees clean views runs on them once a seed; nothing runs twice."""
     methods = ("toy_methods:MeanColourClean", "toy_methods:MeanColour", "toy_methods:MeanColour")
-    wanted = matrix_of(
-        {"methods": methods, "scenes": [str(evaluated_once[0] / "yard")], "patterns": ["streak-0"], "seeds": [0, 3]},
-        "-",
-    )
-    runs = build_runs(wanted, evaluated_once[0] / "data", tmp_path)
+    wanted = {"methods": methods, "scenes": [str(evaluated_once[0] / "yard")], "patterns": ["streak-0"]}
+    runs = build_runs(matrix_of(wanted | {"seeds": [0, 3]}, "-"), evaluated_once[0] / "data", tmp_path)
     assert [(run.method.partition(":")[2], run.pattern, run.seed) for run in runs] == [
         (method, pattern, seed)
         for seed in (0, 3)
@@ -136,20 +127,17 @@ def test_runs_side_by_side_have_cores_and_threads_of_their_own(monkeypatch):
     assert local.cores() == before
 
 
-def command(request: SweepRequest, seeds: str) -> tuple[list[str], dict[str, str]]:
-    options = ["--methods", *request.methods, "--scenes", *request.scenes, "--patterns", *request.patterns]
-    options += ["--seeds", *seeds, "--data", str(request.data), "--results", str(request.results), "--workers", "1"]
-    paths = [str(REPOSITORY), str(Path(__file__).parents[1])]
-    return [sys.executable, "-m", "leaderboard", "sweep", *options], {
-        **os.environ,
-        "PYTHONPATH": os.pathsep.join(paths),
-    }
+def environment() -> dict[str, str]:
+    """In which processes find the packages and the toy methods."""
+    return {**os.environ, "PYTHONPATH": os.pathsep.join([str(REPOSITORY), str(Path(__file__).parents[1])])}
 
 
 def begun(request: SweepRequest, run: Path) -> subprocess.Popen:
     """The command of a sweep, whose method is at its training."""
-    line, environment = command(request, "0")
-    process = subprocess.Popen(line, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    options = ["--methods", *request.methods, "--scenes", *request.scenes, "--patterns", *request.patterns]
+    options += ["--data", str(request.data), "--results", str(request.results), "--workers", "1"]
+    line = [sys.executable, "-m", "leaderboard", "sweep", *options]
+    process = subprocess.Popen(line, env=environment(), stderr=subprocess.PIPE, text=True, start_new_session=True)
     wait_until((run / "begun").exists, process)
     return process
 
@@ -196,8 +184,7 @@ def test_a_slurm_script_whose_tasks_are_the_runs(request_of, tmp_path):
         assert f"#SBATCH {line}\n" in text
     output = next(line for line in text.splitlines() if "--output" in line).removeprefix("#SBATCH ")
     assert shlex.split(output, comments=True) == [f"--output={tmp_path}/20 %% #1/logs/slurm-%A-%a.log"]
-    _, environment = command(request, "0")
-    task = {**environment, "SLURM_ARRAY_TASK_ID": "1"}
+    task = {**environment(), "SLURM_ARRAY_TASK_ID": "1"}
     subprocess.run(["bash", str(script)], env=task, check=True, capture_output=True)
     runs = sorted(path.parent.name for path in results.rglob("record.json"))
     assert runs == ["seed-1"]

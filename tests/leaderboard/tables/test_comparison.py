@@ -6,11 +6,12 @@ import shutil
 import numpy as np
 import pandas as pd
 import pytest
+from made_up_board import run_row
 
 from hydroviews.errors import InputError
 from leaderboard.__main__ import compare_command, table_command
 from leaderboard.gather import VIEW_KEYS
-from leaderboard.records import Record, columns, run_folder, write_record
+from leaderboard.records import Record, run_folder, write_record
 from leaderboard.tables.comparison import compare, in_words, rank_text
 from leaderboard.tables.markdown import SHARED
 
@@ -26,15 +27,12 @@ def board(methods=SHIFTS, seeds=(0, 1), n_views=4, missing=()):
     difficulty = {(scene, view): rng.normal(20, 3) for scene in SCENES for view in range(n_views)}
     runs, views = [], []
     for method, scene, pattern, seed in itertools.product(methods, SCENES, PATTERNS, seeds):
-        effect = pattern.partition("-")[0]
-        keys = {"method": method, "submitted_by": "", "scene": scene, "effect": effect, "pattern": pattern}
-        keys |= {"seed": seed, "profile": "demo", "track": "given-poses", "data_sha256": scene + pattern}
         failed = (method, scene, pattern, seed) in missing
-        runs.append(dict.fromkeys(columns()) | keys | {"status": "failed" if failed else "done"})
+        runs.append(run_row(method, scene, pattern, seed, status="failed" if failed else "done"))
         luck = rng.normal(0, LUCK)
         for view in [] if failed else range(n_views):
             psnr = difficulty[scene, view] + methods[method] + luck + rng.normal(0, LUCK)
-            views.append(keys | {"view": f"v{view}", "psnr": psnr, "lpips_alex": 1 / psnr})
+            views.append(runs[-1] | {"view": f"v{view}", "psnr": psnr, "lpips_alex": 1 / psnr})
     return pd.DataFrame(runs), pd.DataFrame(views, columns=[*VIEW_KEYS, "view", "psnr", "lpips_alex"])
 
 
@@ -141,10 +139,8 @@ def test_means_ranks_and_ties():
     text = in_words(found, "suite test")
     assert text.startswith("suite test\n\n| rank | method | PSNR [95 %] | runs |")
     assert "| tie |" in text
-    assert (
-        "on 3 scenes, 72 views. Seeds per pattern that would separate the first two methods on these scenes: 1.\n"
-        in text
-    )
+    told = "Seeds per pattern that would separate the first two methods on these scenes: 1.\n"
+    assert f"on 3 scenes, 72 views. {told}" in text
 
 
 def test_of_a_metric_where_low_is_good_the_low_one_is_first():
@@ -230,8 +226,8 @@ def test_bad_names_and_nothing_to_compare(metric, methods, message):
 
 
 def test_methods_without_a_common_run_are_named_with_what_they_have():
-    half = [("ours", scene, pattern, 0) for scene in SCENES for pattern in PATTERNS]
-    half += [("theirs", scene, pattern, 1) for scene in SCENES for pattern in PATTERNS]
+    halves = ("ours", 0), ("theirs", 1)
+    half = [(method, *place, seed) for method, seed in halves for place in itertools.product(SCENES, PATTERNS)]
     with pytest.raises(InputError, match=r"no run that all methods have finished[\s\S]*3dgs 18, ours 9, theirs 9"):
         compare(*board(missing=half), "psnr", ["3dgs", "ours", "theirs"])
     found = compare(*board(missing=half), "psnr")

@@ -4,6 +4,7 @@ import math
 
 import pandas as pd
 import pytest
+from made_up_board import run_row
 
 from leaderboard.tables.rankings import rankings
 from leaderboard.tables.statistics import LEAST_SCENES
@@ -13,9 +14,8 @@ HARD = dict(zip(SCENES, (20.0, 25.0, 21.0, 27.0, 27.5), strict=True))  # PSNR of
 
 
 def run(method, scene, psnr, pattern="raindrop-1", seed=0, **changes):
-    row = {"method": method, "scene": scene, "pattern": pattern, "seed": seed, "status": "done", "psnr": psnr}
-    row |= {"ssim": psnr / 40, "lpips_alex": 1 / psnr, "lpips_vgg": 2 / psnr, "data_sha256": f"{scene} {pattern}"}
-    return row | {"train_s": 30.0, "before_s": 2.0, "after_s": None} | changes
+    numbers = {"psnr": psnr, "ssim": psnr / 40, "lpips_alex": 1 / psnr, "lpips_vgg": 2 / psnr}
+    return run_row(method, scene, pattern, seed, train_s=30.0, before_s=2.0, **numbers) | changes
 
 
 def table(*runs):

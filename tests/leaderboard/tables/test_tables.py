@@ -2,9 +2,9 @@
 
 import pandas as pd
 import pytest
+from made_up_board import run_row
 
 from hydroviews.metrics import find_metrics
-from leaderboard.records import columns
 from leaderboard.tables.dataframes import cost_means, grade_of, scene_keys, scene_table, share_of_gap
 from leaderboard.tables.markdown import to_markdown
 from leaderboard.tables.means import places, shared_runs
@@ -12,15 +12,8 @@ from leaderboard.tables.means import places, shared_runs
 
 def runs(method: str, *scores: float | None, pattern: str = "streak-0", **changes) -> pd.DataFrame:
     """A method's runs of seeds from 0 on by their PSNR; one without has failed."""
-    effect = pattern.partition("-")[0]
-    row = dict.fromkeys(columns()) | {"method": method, "effect": effect, "pattern": pattern, "data_sha256": effect}
-    row |= {"scene": "yard", "profile": "demo", "track": "given-poses", "ssim": 0.5}
-    return pd.DataFrame(
-        [
-            row | {"seed": seed, "psnr": psnr, "status": "failed" if psnr is None else "done"} | changes
-            for seed, psnr in enumerate(scores)
-        ]
-    )
+    own = [{"seed": i, "psnr": psnr, "status": "failed" if psnr is None else "done"} for i, psnr in enumerate(scores)]
+    return pd.DataFrame([run_row(method, "yard", pattern, ssim=0.5) | one | changes for one in own])
 
 
 def clean(*scores: float, **changes) -> pd.DataFrame:
@@ -60,9 +53,8 @@ def test_the_gap_is_taken_on_the_runs_that_have_both_references():
 def test_the_share_of_the_gap_is_of_the_means_beside_it_where_patterns_have_unlike_numbers_of_seeds():
     """In three seeds of one pattern half the gap is won, in one of another a tenth."""
     other = [runs(name, psnr, pattern="streak-1") for name, psnr in (("3dgs", 20.0), ("ours", 21.0))]
-    found = board(
-        runs("3dgs", 10.0, 10.0, 10.0), runs("ours", 20.0, 20.0, 20.0), *other, clean(30.0, 30.0, 30.0)
-    ).streak
+    more = runs("3dgs", 10.0, 10.0, 10.0), runs("ours", 20.0, 20.0, 20.0), clean(30.0, 30.0, 30.0)
+    found = board(*more, *other).streak
     assert (found.psnr["3dgs"], found.psnr["ours"]) == (15, 20.5)
     assert found.gap["ours"] == pytest.approx((20.5 - 15) / (30 - 15))
 

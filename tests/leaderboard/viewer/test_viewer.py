@@ -81,21 +81,17 @@ class TestComparison:
 class TestStage:
     def test_a_scene_far_away_is_shown_as_the_same_one_near(self, run, tmp_path):
         far = finished_run(tmp_path, shift=1e6)
-        staged = []
+        splats, places, lengths = [], [], []
         for one in (run, far):
             gaussians, cameras = find_splats(one.folder), [shot.view.camera for shot in list_shots(one)]
             normalisation = normalise_scene(cameras, gaussians)
-            staged.append(
-                (
-                    normalise_splats(gaussians, cameras, normalisation),
-                    pose(cameras[0], normalisation),
-                    frustum_length(cameras, normalisation),
-                )
-            )
-        for name, value in vars(staged[0][0]).items():
-            assert np.allclose(getattr(staged[1][0], name), value, atol=1e-3), name
-        assert np.allclose(staged[0][1][1], staged[1][1][1], atol=1e-5)
-        assert staged[0][2] == pytest.approx(staged[1][2])
+            splats.append(normalise_splats(gaussians, cameras, normalisation))
+            places.append(pose(cameras[0], normalisation)[1])
+            lengths.append(frustum_length(cameras, normalisation))
+        for name, value in vars(splats[0]).items():
+            assert np.allclose(getattr(splats[1], name), value, atol=1e-3), name
+        assert np.allclose(*places, atol=1e-5)
+        assert lengths[0] == pytest.approx(lengths[1])
 
     def test_splats_have_the_shapes_and_colours_of_the_gaussians(self, run):
         gaussians, cameras = find_splats(run.folder), [list_shots(run)[0].view.camera]
