@@ -18,7 +18,7 @@ NOWHERE = Path("/nowhere")
 @pytest.mark.parametrize(
     ("find", "name", "meant"),
     [
-        (find_profile, "quikc", "quick"),
+        (find_profile, "standart", "standard"),
         (check_track, "sparse-view", "sparse-views"),
         (read_suite, "papers", "paper"),
         (lambda name: find_capture(name, NOWHERE, 1, 8, NOWHERE), "courtyrd", "courtyard"),

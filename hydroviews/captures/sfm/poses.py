@@ -20,6 +20,7 @@ from hydroviews.captures.sfm.mapping import (
     mapping_options,
     rainy_options,
     settled,
+    warn_of_chance,
 )
 from hydroviews.captures.sfm.room import DATABASE, LEARNED, room_for
 from hydroviews.captures.sfm.sequence import leave_out_contradictions
@@ -153,26 +154,25 @@ def estimate_poses(
         enter_all(WORKING_FILES, out)
         database, names = out / DATABASE, sorted(links)
         error = rain.tolerance(max(max(image_size(path)) for path in sources))
-        options = rainy_options(seed, error)
-        finish = partial(settled, error=error)
         with room_for(out, len(names)):
             matching.register(database, pictures, names, camera_model, shared=True, masks=masks)
             if learned:
                 chosen = None if exhaustive is None else _pairs(exhaustive, len(names))
                 _match_learned(out, names, chosen, seed, error, masks, enhance)
-                leave_out_contradictions(database, names)
-                map_photographs(out, len(names), options, advice, finish)
-                shutil.rmtree(out / LEARNED)
             elif rainy:
                 rain.extract(database, pictures, names, camera_model, error, masks, enhance)
                 rain.match(database, names, _pairs(bool(exhaustive), len(names)), seed, error)
-                leave_out_contradictions(database, names)
-                map_photographs(out, len(names), options, advice, finish)
-                rain.forget_parts(database)
             else:
                 matching.extract(database, pictures, names, camera_model, masks)
                 matching.match(database, names, _pairs(bool(exhaustive), len(names)), seed)
+            if learned or rainy:
+                leave_out_contradictions(database, names)
+                map_photographs(out, len(names), rainy_options(seed, error), advice, partial(settled, error=error))
+                warn_of_chance(out, len(names), rainy_options(seed + 1, error))
+            else:
                 map_photographs(out, len(names), mapping_options(seed), advice)
+            shutil.rmtree(out / LEARNED, ignore_errors=True)
+            rain.forget_parts(database)
     return read_scene(out)
 
 
