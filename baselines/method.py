@@ -85,7 +85,7 @@ class Method(ABC):
     @classmethod
     @abstractmethod
     def configuration(cls, profile: str) -> Any:
-        """The settings of a profile (demo, quick or paper) as a dataclass, which `config.json` records.
+        """The settings of a profile (demo, standard or paper) as a dataclass, which `config.json` records.
 
         Values are numbers, strings, lists, dictionaries, dataclasses, paths and numpy arrays. A run with other values
         is another run. The method creates anything else, such as functions, from these values.

@@ -136,7 +136,7 @@ SHORT = NerfWConfig(SMALL, embedding_rate=1e-3, mean_appearance_share=0.5)
 PAPER = replace(NERF, iterations=300_000, final_rate=0.01)
 PROFILES = {
     "demo": replace(SHORT, volumetric=replace(SMALL, iterations=3500)),
-    "quick": replace(SHORT, volumetric=replace(SMALL, field=DETAILED_FIELD, iterations=13_000)),
+    "standard": replace(SHORT, volumetric=replace(SMALL, field=DETAILED_FIELD, iterations=13_000)),
     "paper": NerfWConfig(PAPER, transient_width=128, transient_layers=4, embedding_rate=5e-4),
 }
 

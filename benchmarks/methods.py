@@ -117,7 +117,7 @@ def main(
     Args:
         scene: an embedded scene, a capture's name or its folder.
         pattern: the rain, such as streak-1.
-        profile: demo or quick; the size of the views, and each method's settings but for the steps.
+        profile: demo or standard; the size of the views, and each method's settings but for the steps.
         seconds: of training.
         methods: names, or `package.module:Class`.
         data: where the built scene lies or goes.

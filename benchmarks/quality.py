@@ -1,6 +1,6 @@
 """What each choice of training buys: quality on held-out clean views against Gaussians, file size and time.
 
-    python -m benchmarks quality --scene PATH --profile quick
+    python -m benchmarks quality --scene PATH --profile standard
 
 Trains plain 3DGS on the clean views once for every case, one after another; prints a table and writes quality.csv.
 Finished cases are kept, an interrupted one goes on where it stopped.
@@ -101,7 +101,7 @@ def main(
 
     Args:
         scene: an embedded scene, a capture's name or its folder.
-        profile: demo or quick.
+        profile: demo or standard.
         only: train the cases whose names begin with one of these.
         data: where the built scene lies or goes.
         out: gets a folder for every scene, profile and seed, with quality.csv.

@@ -54,7 +54,7 @@ class Reconstruction:
     photographs: tyro.conf.Positional[Path]  # folder of photographs, capture with cameras, or video
     out: Path | None = None  # output folder. Default: `<photographs>-scene` beside the photographs
     method: str = "deraings-plus"  # any method of the benchmark that trains on rainy views
-    profile: str = "quick"  # image size and length of the training: demo, quick or paper
+    profile: str = "standard"  # image size and length of the training: demo, standard or paper
     long_side: int | None = None  # longer side of the images in pixels. Default: the profile's
     rate: float = 1.0  # frames per second of a video
     seed: int = 0

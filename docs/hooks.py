@@ -45,7 +45,7 @@ NOTEBOOK = "experiments/"  # pages that neither the navigation nor a search show
 CARD_PATTERNS = {"raindrop-1": "drops", "streak-1": "streaks"}  # medium patterns, which all methods were run on
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', re.DOTALL)
 REQUEST = re.compile(r"<!-- generated: (\w+)((?: \S+)*) -->")
-PROFILES = ("demo", "quick", "paper")
+PROFILES = ("demo", "standard", "paper")
 ATTRIBUTE = re.compile(r"^ {8}(\w+): (.+(?:\n {12,}.+)*)", re.MULTILINE)  # of a class, with the lines that go on
 
 

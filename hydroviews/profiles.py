@@ -21,7 +21,7 @@ PROFILES = {
     profile.name: profile
     for profile in (
         Profile("demo", long_side=320, patterns=(1,), embedded_views=40),  # minutes on two cores
-        Profile("quick", long_side=400, patterns=(0, 1, 2), embedded_views=100),  # what a laptop can sweep
+        Profile("standard", long_side=800, patterns=(0, 1, 2), embedded_views=60),  # what two cores train in 20 minutes
         Profile("paper", long_side=1600, patterns=(0, 1, 2), embedded_views=200),  # for a GPU
     )
 }

@@ -167,7 +167,7 @@ def test_the_reference_lists_every_setting_of_a_method(hooks):
 
     table = hooks.settings_table(GaussianSplatting)
     row = next(line for line in table.splitlines() if line.startswith("| `iterations` |"))
-    iterations = [GaussianSplatting.configuration(profile).iterations for profile in ("demo", "quick", "paper")]
+    iterations = [GaussianSplatting.configuration(profile).iterations for profile in ("demo", "standard", "paper")]
     assert [cell.strip() for cell in row.split("|")[2:5]] == [f"`{number}`" for number in iterations]
     assert "| `strategy." in table
 

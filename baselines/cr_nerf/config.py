@@ -90,7 +90,7 @@ SMALL = CrNerfConfig(
 )
 PROFILES = {
     "demo": replace(SMALL, volumetric=replace(SMALL.volumetric, iterations=3000)),
-    "quick": replace(SMALL, volumetric=replace(SMALL.volumetric, field=DETAILED_FIELD, iterations=10_000)),
+    "standard": replace(SMALL, volumetric=replace(SMALL.volumetric, field=DETAILED_FIELD, iterations=10_000)),
     "paper": CrNerfConfig(
         replace(NERF, field=MlpFieldConfig(position_octaves=15), iterations=600_000, final_rate=0.01)
     ),

@@ -62,7 +62,7 @@ class DerainNeRFConfig:
 PAPER = replace(NERF, iterations=200_000, final_rate=0.1 ** (200 / 250))
 PROFILES = {
     "demo": DerainNeRFConfig(VolumetricConfig(iterations=4500)),
-    "quick": DerainNeRFConfig(VolumetricConfig(iterations=13_000)),
+    "standard": DerainNeRFConfig(VolumetricConfig(iterations=13_000)),
     "paper": DerainNeRFConfig(PAPER),
 }
 

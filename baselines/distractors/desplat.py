@@ -146,7 +146,7 @@ class DeSplat(GaussianSplatting):
 
     profiles: ClassVar[Mapping[str, Any]] = {
         "demo": DeSplatConfig(PROFILES_WITHOUT_RESETS["demo"], SHORT_LAYERS),
-        "quick": DeSplatConfig(PROFILES_WITHOUT_RESETS["quick"], SHORT_LAYERS),
+        "standard": DeSplatConfig(PROFILES_WITHOUT_RESETS["standard"], SHORT_LAYERS),
         "paper": DeSplatConfig(PROFILES_WITHOUT_RESETS["paper"]),
     }
 

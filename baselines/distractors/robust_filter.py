@@ -47,7 +47,7 @@ class RobustFilter(GaussianSplatting):
 
     profiles: ClassVar[Mapping[str, Any]] = {
         "demo": RobustFilterConfig(PROFILES_WITHOUT_RESETS["demo"], SHORT_TRIM),
-        "quick": RobustFilterConfig(PROFILES_WITHOUT_RESETS["quick"], SHORT_TRIM),
+        "standard": RobustFilterConfig(PROFILES_WITHOUT_RESETS["standard"], SHORT_TRIM),
         "paper": RobustFilterConfig(PROFILES_WITHOUT_RESETS["paper"]),
     }
 

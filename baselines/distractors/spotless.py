@@ -55,7 +55,7 @@ class Spotless(GaussianSplatting):
     mask: ClassVar[type[FeatureMask]] = FeatureMask
     profiles: ClassVar[Mapping[str, Any]] = {
         "demo": SpotlessConfig(PROFILES_WITHOUT_RESETS["demo"], network=SHORT_NETWORK),
-        "quick": SpotlessConfig(PROFILES_WITHOUT_RESETS["quick"], network=SHORT_NETWORK),
+        "standard": SpotlessConfig(PROFILES_WITHOUT_RESETS["standard"], network=SHORT_NETWORK),
         "paper": SpotlessConfig(PROFILES_WITHOUT_RESETS["paper"]),
     }
 

@@ -31,7 +31,7 @@ SHA256 = "f433177089a681826f849f194ece3bb48f4d63fb38d32fc837e3dc7a4e5641fb"  # o
 PATCH = 14  # pixels
 WIDTH, HEADS, REGISTERS, GRID = 384, 6, 4, 37  # there are position embeddings for 37x37 patches
 DEPTH = 6  # of its twelve blocks: WildGaussians looks at what the sixth gives
-ANOTHER = "or take another network: wild-gaussians with HYDROVIEWS_FEATURES=alexnet, other methods in demo or quick"
+ANOTHER = "or take another network: wild-gaussians with HYDROVIEWS_FEATURES=alexnet, other methods in demo or standard"
 
 
 class VisionTransformer(nn.Module):

@@ -70,7 +70,7 @@ class GaussianInTheWild(GaussianSplatting):
 
     profiles: ClassVar[Mapping[str, Any]] = {
         "demo": GSWConfig(PROFILES_WITH_NETWORKS["demo"], SHORT),
-        "quick": GSWConfig(with_iterations(5500, PROFILES_WITH_NETWORKS["quick"]), SHORT),
+        "standard": GSWConfig(with_iterations(5500, PROFILES_WITH_NETWORKS["standard"]), SHORT),
         "paper": GSWConfig(
             TrainerConfig(
                 iterations=70_000,

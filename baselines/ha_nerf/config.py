@@ -60,7 +60,7 @@ SMALL_VISIBILITY = VisibilityConfig(octaves=7, width=128, rate=3e-3, at_first=0.
 SMALL = HaNerfConfig(VolumetricConfig(field=SHORT_FIELD), SMALL_LOOK, SMALL_VISIBILITY, photographs=16)
 PROFILES = {
     "demo": replace(SMALL, volumetric=replace(SMALL.volumetric, iterations=3500)),
-    "quick": replace(SMALL, volumetric=replace(SMALL.volumetric, field=DETAILED_FIELD, iterations=13_000)),
+    "standard": replace(SMALL, volumetric=replace(SMALL.volumetric, field=DETAILED_FIELD, iterations=13_000)),
     "paper": HaNerfConfig(
         replace(NERF, field=MlpFieldConfig(position_octaves=15), iterations=600_000, final_rate=0.01)
     ),

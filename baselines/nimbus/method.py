@@ -52,8 +52,8 @@ class Nimbus(GaussianSplatting):
 
     profiles: ClassVar[Mapping[str, Any]] = {
         "demo": NimbusConfig(PROFILES_WITHOUT_RESETS["demo"], SHORT_MEDIUM, SHORT_RESIDUAL),
-        "quick": NimbusConfig(
-            PROFILES_WITHOUT_RESETS["quick"], replace(SHORT_MEDIUM, cells=64, renewed=200), SHORT_RESIDUAL
+        "standard": NimbusConfig(
+            PROFILES_WITHOUT_RESETS["standard"], replace(SHORT_MEDIUM, cells=64, renewed=200), SHORT_RESIDUAL
         ),
         "paper": NimbusConfig(PROFILES_WITHOUT_RESETS["paper"]),
     }

@@ -36,7 +36,7 @@ from hydroviews.scene.scenes import Scene
 STRIDE = 13  # of the pixels whose share of foreground is told, over all views
 # As much processor time as `nerf-w` has: a step with two fields costs some 1.4 of its.
 DEMO = VolumetricConfig(field=SHORT_FIELD, iterations=2500)
-QUICK = VolumetricConfig(field=DETAILED_FIELD, iterations=9500)
+STANDARD = VolumetricConfig(field=DETAILED_FIELD, iterations=9500)
 # Chosen on courtyard; docs/methods/radiance-fields.md says why none of the three is the public code's.
 SHORT = {"gap": 0.4, "alone": 0.1, "depth_weight": 0.1}
 # The public code's networks. Its 100 epochs of 32 x 32 pixels are some 560,000 steps for 30 photographs of 504 x 378.
@@ -45,7 +45,7 @@ BEHIND = replace(EVERYTHING, depth=8)
 PAPER = replace(NERF, field=EVERYTHING, iterations=560_000, final_rate=1 / 30)
 PROFILES = {
     "demo": OccNerfConfig(DEMO, SHORT_FIELD, **SHORT),
-    "quick": OccNerfConfig(QUICK, DETAILED_FIELD, **SHORT),
+    "standard": OccNerfConfig(STANDARD, DETAILED_FIELD, **SHORT),
     "paper": OccNerfConfig(PAPER, BEHIND, detector_rate=1e-4),
 }
 

@@ -12,6 +12,10 @@ DEVICES = ("auto", "cpu", "cuda")
 VARIABLE = "HYDROVIEWS_DEVICE"
 NO_DEVICE = "torch finds no CUDA device"
 COMPILED = {"gsplat": "gsplat.csrc"}  # packages that compile at first use, where they came without this module
+SLOW = {  # what is said of profiles on the CPU
+    "standard": "the profile standard: a training takes 10 to 20 minutes on two cores",
+    "paper": "the profile paper is made for a GPU: on the CPU, a training of it takes many hours or days",
+}
 FIX = "docs/install.md lists the driver, CUDA toolkit and packages that a GPU needs; or use cpu"
 
 
@@ -56,9 +60,9 @@ def missing_for_cuda(*packages: str) -> str | None:
 
 
 def warn_of_slow_profile(profile: str) -> None:
-    """Say that the profile paper is made for a GPU, where none is used."""
-    if profile == "paper" and (os.environ.get(VARIABLE) == "cpu" or missing_for_cuda()):
-        _warn_once("the profile paper is made for a GPU: on the CPU, a training of it takes many hours or days")
+    """Say beforehand how long a training takes that is more than a short one, where no GPU is used."""
+    if profile in SLOW and (os.environ.get(VARIABLE) == "cpu" or missing_for_cuda()):
+        _warn_once(SLOW[profile])
 
 
 @cache

@@ -62,7 +62,7 @@ class WildGS(GaussianSplatting):
 
     profiles: ClassVar[Mapping[str, Any]] = {
         "demo": WildGSConfig(PROFILES_WITH_NETWORKS["demo"], SHORT),
-        "quick": WildGSConfig(with_iterations(6500, PROFILES_WITH_NETWORKS["quick"]), SHORT),
+        "standard": WildGSConfig(with_iterations(6500, PROFILES_WITH_NETWORKS["standard"]), SHORT),
         "paper": WildGSConfig(),
     }
 

@@ -149,7 +149,7 @@ def main(
 
     Args:
         scene: an embedded scene, a capture's name or its folder.
-        profile: demo or quick.
+        profile: demo or standard.
         methods: names, or `package.module:Class`; not those that see clean views.
         only: train the cases whose names begin with one of these.
         data: where the built scene lies or goes.

@@ -100,7 +100,7 @@ def main(
     Args:
         scene: an embedded scene, a capture's name or its folder.
         pattern: window-0, window-1 or window-2.
-        profile: demo or quick.
+        profile: demo or standard.
         methods: names, or `package.module:Class`; 3dgs is the floor and has to be among those trained before.
         only: train the cases whose names begin with one of these.
         data: where the built scene lies or goes.

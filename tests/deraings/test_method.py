@@ -134,7 +134,7 @@ def test_methods_are_found_and_differ_in_their_switches():
     assert plus.rain == RainConfig()
     assert plus.prior
     assert replace(plus, prior=None, weights_sha256=None) == RainModelOnly.configuration("demo")
-    assert plus.weights_sha256 == sha256(find_weights("small")) == DeRainGS.configuration("quick").weights_sha256
+    assert plus.weights_sha256 == sha256(find_weights("small")) == DeRainGS.configuration("standard").weights_sha256
     assert paper.enhancement
     assert paper.rain is None
     assert paper.splatting == plus.splatting == GaussianSplatting.configuration("demo")

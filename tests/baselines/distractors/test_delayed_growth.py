@@ -37,7 +37,7 @@ def test_what_does_not_grow_is_refused():
         find_method("nerf-w+delayed-growth").configuration("demo")
     with pytest.raises(InputError, match="no growth to delay"):
         find_method("3dgs-budget+delayed-growth").configuration("paper")
-    for profile in ("demo", "quick"):  # whose pruning would be over before growth is
+    for profile in ("demo", "standard"):  # whose pruning would be over before growth is
         with pytest.raises(InputError, match="a budget that is kept by pruning"):
             find_method("3dgs-budget+delayed-growth").configuration(profile)
     assert issubclass(with_delayed_growth(find_method("3dgs")), Method)

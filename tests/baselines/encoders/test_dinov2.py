@@ -177,10 +177,10 @@ def test_a_lack_of_memory_says_what_to_do(published, monkeypatch):
 
 def test_the_network_is_a_setting_of_the_profile(monkeypatch):
     monkeypatch.delenv("HYDROVIEWS_FEATURES", raising=False)
-    chosen = {name: WildGaussians.configuration(name).uncertainty.features for name in ("demo", "quick", "paper")}
-    assert chosen == {"demo": "alexnet", "quick": "alexnet", "paper": "dinov2"}
+    chosen = {name: WildGaussians.configuration(name).uncertainty.features for name in ("demo", "standard", "paper")}
+    assert chosen == {"demo": "alexnet", "standard": "alexnet", "paper": "dinov2"}
     monkeypatch.setenv("HYDROVIEWS_FEATURES", "alexnet")
     assert WildGaussians.configuration("paper").uncertainty.features == "alexnet"
     monkeypatch.setenv("HYDROVIEWS_FEATURES", "auto")
     with pytest.raises(InputError, match="dinov2 or alexnet"):
-        WildGaussians.configuration("quick")
+        WildGaussians.configuration("standard")

@@ -76,14 +76,12 @@ def test_cards_are_chosen_by_cudas_own_variable(monkeypatch):
         chosen_device("auto")
 
 
-def test_the_profile_for_a_gpu_is_warned_of_on_the_cpu(no_device, monkeypatch, caplog):
-    for profile in ("demo", "quick"):
+def test_long_trainings_on_the_cpu_are_announced_once(no_device, caplog):
+    for profile in ("demo", "standard", "standard", "paper", "paper"):
         warn_of_slow_profile(profile)
-    assert not caplog.records
-    for _ in range(2):
-        warn_of_slow_profile("paper")
-    assert [record.levelname for record in caplog.records] == ["WARNING"]
-    assert "paper is made for a GPU" in caplog.text
+    assert [record.levelname for record in caplog.records] == ["WARNING"] * 2
+    assert "10 to 20 minutes on two cores" in caplog.messages[0]
+    assert "paper is made for a GPU" in caplog.messages[1]
 
 
 CODE = """

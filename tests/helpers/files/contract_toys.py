@@ -48,7 +48,7 @@ class Good(Method):
 
     @classmethod
     def configuration(cls, profile: str) -> Any:
-        if profile not in ("demo", "quick"):
+        if profile not in ("demo", "standard"):
             raise InputError(f"PROFILE={profile}: unknown")
         return Config()
 

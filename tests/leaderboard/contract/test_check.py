@@ -74,7 +74,7 @@ def test_a_method_that_keeps_the_contract_passes(case):
     reasons = {outcome.check: outcome.reason for outcome in outcomes}
     assert {outcome.result for outcome in outcomes} == {Result.PASSED}, reasons
     assert list(reasons) == list(CHECKS)
-    assert reasons["configurations"] == "demo, quick"
+    assert reasons["configurations"] == "demo, standard"
     assert "with seed 1 others" in reasons["same seed, same result"]
     assert reasons["Ctrl-C and on"].endswith("goes on from checkpoint.json: the same pixels")
 
