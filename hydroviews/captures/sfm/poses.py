@@ -168,11 +168,12 @@ def estimate_poses(
             if learned or rainy:
                 leave_out_contradictions(database, names)
                 map_photographs(out, len(names), rainy_options(seed, error), advice, partial(settled, error=error))
-                warn_of_chance(out, len(names), rainy_options(seed + 1, error))
             else:
                 map_photographs(out, len(names), mapping_options(seed), advice)
             shutil.rmtree(out / LEARNED, ignore_errors=True)
             rain.forget_parts(database)
+            if learned or rainy:
+                warn_of_chance(out, len(names), rainy_options(seed + 1, error))
     return read_scene(out)
 
 
