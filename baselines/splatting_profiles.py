@@ -40,7 +40,7 @@ SHORT = TrainerConfig(
 )
 PROFILES = {
     "demo": replace(SHORT, dense_start=0.5),
-    "standard": replace(
+    "standard": replace(  # Gaussians and iterations chosen on LLFF flower alone
         SHORT,
         iterations=10_000,
         sh_degree_interval=1000,

@@ -175,7 +175,10 @@ def warn_of_chance(out: Path, count: int, options: pycolmap.IncrementalPipelineO
         out, count: as for `map_photographs`.
         options: with another seed.
     """
-    models = _largest_first(out, count, options)
+    try:
+        models = _largest_first(out, count, options)
+    finally:  # nothing resumes it
+        shutil.rmtree(out / MAPPING, ignore_errors=True)
     found, again = _poses(pycolmap.Reconstruction(out / "sparse" / "0")), _poses(models[0]) if models else {}
     both = {name: again[name] for name in found.keys() & again.keys()}
     agreement = compare_cameras(both, found)[0].pose_auc_10

@@ -2,8 +2,8 @@
 
 Names of photographs are in the order of time. Neighbours in time overlap, so their matches are mostly right and give
 the turn of the camera from view to view. Matches of views that are farther apart are wrong more often than right in
-rain: 88 of 125 verified pairs of courtyard's medium drops. So neighbours whose turn other neighbours confirm are
-chained, chains are joined by what most pairs between them say, and a pair that contradicts its chain is left out before
+rain: 88 of 125 verified pairs of courtyard's medium drops. So the filter chains neighbours whose turn other neighbours
+confirm. Pairs between two chains vote for how to join them. A pair that contradicts its chain is left out before
 mapping, because mapping never removes such a pair.
 """
 
@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pycolmap
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from hydroviews.captures.sfm.features import image_id
 from hydroviews.captures.sfm.pairs import Pair
@@ -76,7 +76,7 @@ def contradictions(count: int, pairs: Mapping[Pair, tuple[Rotation, int]]) -> li
     return [
         (i, j)
         for (i, j), (rotation, _) in pairs.items()
-        if group[i] == group[j] and angles(rotation @ turned[i] @ turned[j].T) > _limit(np.array(j - i))
+        if group[i] == group[j] and angles(rotation @ turned[i] @ turned[j].T) > _limit(j - i)
     ]
 
 
@@ -88,11 +88,13 @@ def confirmed(pairs: Mapping[Pair, tuple[Rotation, int]]) -> dict[Pair, tuple[Ro
     """
     turns = {pair: rotation for pair, (rotation, _) in pairs.items()}
     turns |= {(j, i): rotation.T for (i, j), rotation in turns.items()}
-    around = {i: {j for first, j in turns if first == i} for i, _ in turns}
+    around: dict[int, set[int]] = {}
+    for i, j in turns:
+        around.setdefault(i, set()).add(j)
 
     def closes(i: int, j: int) -> bool:
-        over = [angles(turns[k, j] @ turns[i, k] @ turns[j, i]) <= APART for k in around[i] & around[j]]
-        return bool(over) and 2 * sum(map(bool, over)) >= len(over)
+        over = [bool(angles(turns[k, j] @ turns[i, k] @ turns[j, i]) <= APART) for k in around[i] & around[j]]
+        return bool(over) and 2 * sum(over) >= len(over)
 
     return {pair: found for pair, found in pairs.items() if closes(*pair)}
 
@@ -158,6 +160,6 @@ def _vote(links: Sequence[tuple[Rotation, int]]) -> tuple[float, Rotation]:
     return float(votes.max()), rotations[votes.argmax()]
 
 
-def _limit(steps: NDArray[np.int64]) -> NDArray[np.float64]:
+def _limit(steps: ArrayLike) -> NDArray[np.float64]:
     """Degrees by which pairs of views that are so far apart may turn the camera otherwise."""
-    return APART + DRIFT * steps
+    return APART + DRIFT * np.asarray(steps)

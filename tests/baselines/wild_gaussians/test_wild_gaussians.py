@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from against_float64 import leaves_of_sh_sets
 from disturbed import assert_found, disturbed, fitted, occluded
 from looks import hides_everything_and_says_so
 from splats import BACKGROUND, camera, cloud, photographed
@@ -129,13 +130,7 @@ def test_gradients_are_those_of_float64():
     )
     found = visible.backward(gradients.parameters, by_sh_sets, BufferPool())
 
-    leaves = {name: torch.from_numpy(v).double().requires_grad_() for name, v in gaussians.state_dict().items()}
-    background = torch.from_numpy(BACKGROUND).double()
-    loss = sum(
-        (reference.render({**leaves, "sh": sh}, view, background, 1, 0.01) * torch.from_numpy(weight)).sum()
-        for sh, weight in zip(twin.sh_sets(leaves, view, 1, 1), weights, strict=True)
-    )
-    loss.backward()
+    leaves = leaves_of_sh_sets(twin, gaussians, view, weights)
     for name in ("sh", "features", "means"):
         expected = leaves[name].grad.numpy()
         assert np.abs(getattr(found, name) - expected).max() < 2e-3 * np.abs(expected).max(), name

@@ -1,4 +1,4 @@
-"""What a network predicts of each photograph, kept on disk; between drops that stay, pictures show the photographs."""
+"""Predictions for each photograph are kept on disk; between drops that stay, pictures show the photographs."""
 
 from dataclasses import replace
 
@@ -155,7 +155,7 @@ def drop(row=10, column=20, radius=5):
 
 
 def covers(rng, drops, streaks=0):
-    """What a network sees of each view: its drops, some less surely, and some of the scene that looks alike."""
+    """Predictions for each view: its drops, some less surely, and parts of the scene that look alike."""
     found = []
     for own in drops:
         cover = np.zeros((HEIGHT, WIDTH, 3), np.uint8)

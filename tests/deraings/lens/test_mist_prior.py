@@ -1,4 +1,4 @@
-"""What is to be expected of mist: what points show of it, sources of known means and errors, one missing or another."""
+"""The prior of mist: from scene points, from sources of known means and errors, and with a source missing."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""What stays on the lens: detail that all views share, and pixels that vary less than others."""
+"""Rain that stays on the lens: detail that all views share, and pixels that vary less than others."""
 
 import numpy as np
 import panorama
@@ -75,7 +75,7 @@ def test_a_place_that_few_views_show_says_no_more_than_its_share():
 
 
 def test_the_edge_of_a_mask_is_no_detail():
-    """What is hidden is black in all views: its edge would be a slope that stays."""
+    """Hidden pixels are black in all views: their edge would be a slope that stays."""
     views, hidden = panorama.views_of(panorama.paint(), 40), masked(slice(-12, None))
     views[:, hidden] = 0
     shown = measured(views, hidden=[hidden] * 40)[0]

@@ -28,6 +28,27 @@ def rendered(gaussians: Gaussians, view: Camera, **options: Any) -> tuple[NDArra
     return image, state, backward(state, random_weights(view.height, view.width)).parameters.state_dict()
 
 
+def leaves_of_sh_sets(
+    twin: torch.nn.Module, gaussians: Gaussians, view: Camera, weights: Sequence[NDArray]
+) -> dict[str, torch.Tensor]:
+    """A scene's tensors with gradients of a linear loss of two renders, by the reference.
+
+    Args:
+        twin: an appearance in float64, which gives both sets of colours and gets gradients as well.
+        gaussians: of the scene.
+        view: of both renders.
+        weights: of the loss [H, W, 3], for each render.
+    """
+    leaves = {name: torch.from_numpy(v).double().requires_grad_() for name, v in gaussians.state_dict().items()}
+    background = torch.from_numpy(BACKGROUND).double()
+    loss = sum(
+        (reference.render({**leaves, "sh": sh}, view, background, 1, 0.01) * torch.from_numpy(weight)).sum()
+        for sh, weight in zip(twin.sh_sets(leaves, view, 1, 1), weights, strict=True)
+    )
+    loss.backward()
+    return leaves
+
+
 def exactly(
     gaussians: Gaussians,
     view: Camera,

@@ -135,7 +135,7 @@ def must_end(process: subprocess.Popen, folder: Path) -> None:
 
 
 def undisturbed(stage: Stage, folder: Path) -> tuple[Files, float]:
-    """What a stage leaves that nobody interrupts, and the seconds from its first file to its end."""
+    """The files that an uninterrupted stage leaves, and the seconds from its first file to its end."""
     process, first = begun(stage.begin(fresh(folder)), folder), time.perf_counter()
     must_end(process, folder)
     writing = time.perf_counter() - first

@@ -79,7 +79,7 @@ def stays_finite(make, given, losses, masking):
 
 
 def sees_its_view_or_the_mean(made):
-    """Where a model takes half of the rays for those of the mean look, every other one does not see its photograph."""
+    """A model that takes half of the rays for those of the mean look renders every other ray without its photograph."""
     of = batch(50, view=1)
     with torch.no_grad():
         before = made(of.rays, context(of)).colour

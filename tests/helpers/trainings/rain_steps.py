@@ -23,7 +23,7 @@ def assert_same_steps(found, expected):
 
 
 def resumed(whole, first, second, images, at, end):
-    """Of three objectives alike one takes all steps, another takes up what a first left; the steps of the one."""
+    """The steps of an objective that takes all; its like resumes what a third began, and must do the same."""
     everything = steps(whole, images, 0, end)
     steps(first, images, 0, at)
     second.load_state_dict({name: value.copy() for name, value in first.state_dict().items()})

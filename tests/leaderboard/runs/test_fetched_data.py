@@ -20,7 +20,7 @@ from leaderboard.records import NOTED
 @pytest.mark.usefixtures("toys", "trained_here")
 def test_an_evaluation_of_fetched_data_gives_the_records_of_the_original(tmp_path, request_of):
     def evaluated(scene, folder):
-        """What records say of data and scores, not of the machine and the time that it took."""
+        """The fields of records on data and scores, without machine and time."""
         where = {"data": folder / "data", "results": folder / "results"}
         records = evaluate(request_of(scene=str(scene), patterns=("streak-1",), **where))
         return [{name: value for name, value in asdict(one).items() if name not in NOTED} for one in records]

@@ -18,7 +18,7 @@ from leaderboard.scoring.score import score
 
 
 def peak(before: str) -> float:
-    """Of a process that does something before."""
+    """The peak memory of a process that does something before."""
     code = f"{before}; from leaderboard.runs.train_and_render import peak_memory_mb; print(peak_memory_mb())"
     return float(subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout)
 

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from against_float64 import leaves_of_sh_sets
 from splats import BACKGROUND, camera, cloud, photographed, with_values
 
 from baselines.splatting.appearance.base import Appearance
 from baselines.splatting.appearance.gaussians import AppearanceGaussians, in_sight, with_appearance
 from baselines.splatting.appearance.networks import linear_of_parts
 from baselines.splatting.appearance.view_averages import mean_over_views
-from baselines.splatting.backends import torch_rasterizer as reference
 from baselines.splatting.backends.base import CpuBackend
 from baselines.splatting.gaussians import FIELDS, join
 from baselines.splatting.kernels.buffer_pool import BufferPool
@@ -91,13 +91,7 @@ def test_gradients_flow_through_the_colours_as_in_float64():
     ours = backend._learn_with_appearance(gaussians, view, 1, 0, 1).gradients
 
     twin = Tint(2).double()
-    leaves = {name: torch.from_numpy(v).double().requires_grad_() for name, v in gaussians.state_dict().items()}
-    background = torch.from_numpy(BACKGROUND).double()
-    loss = sum(
-        (reference.render({**leaves, "sh": sh}, view, background, 1, 0.01) * torch.from_numpy(weight)).sum()
-        for sh, weight in zip(twin.sh_sets(leaves, view, 1, 1), weights, strict=True)
-    )
-    loss.backward()
+    leaves = leaves_of_sh_sets(twin, gaussians, view, weights)
     for name, leaf in leaves.items():
         found, expected = getattr(ours, name), leaf.grad.numpy()
         assert np.abs(found - expected).max() < 2e-3 * np.abs(expected).max(), name
