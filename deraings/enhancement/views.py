@@ -105,6 +105,11 @@ class EnhancedViews:
         return self._lens_covers.means[index]
 
     @property
+    def streaks_fall(self) -> bool:
+        """Whether streaks are in the photographs, as far as the network tells."""
+        return self.tells_cover and self._lens_covers.streaks_fall
+
+    @property
     def drops_stay(self) -> bool:
         """Whether drops stay on the lens, as far as the network tells."""
         return self.tells_cover and self._lens_covers.stay

@@ -65,26 +65,14 @@ class OcclusionConfig:
 
 @dataclass(frozen=True)
 class RainfallConfig:
-    """Falling rain: its median in all views, and single streaks of each view.
+    """Falling rain, as a network predicts it.
 
     Attributes:
         brightness: beta, the encoded value of streaks, (0, 1]. It cannot be told from the photographs; an error of 0.1
             changes the scene by 0.1 S.
-        line_length: length of the lines along which differences are averaged, in longer sides of the picture, (0, 1).
-        updates: in all, spread evenly over the training.
-        memory: updates that running sums remember.
-        dry: excess skew of one direction up to which it does not rain.
-        rainy: excess skew, above `dry`, from which it surely does.
-        visits: of each view, at least 1, over which its streaks are averaged.
     """
 
     brightness: float = 0.88
-    line_length: float = 1 / 45
-    updates: int = 240
-    memory: int = 60
-    dry: float = 0.06
-    rainy: float = 0.12
-    visits: int = 3
 
 
 @dataclass(frozen=True)
@@ -95,10 +83,10 @@ class RainConfig:
         mist: on the lens.
         drops: on the lens, where they stay.
         occlusion: what drops hide of each view, staying or not; only where a network predicts covers.
-        rainfall: falling rain.
+        rainfall: falling rain; only where a network predicts it.
         enhanced: share of the iterations, [0, 1], up to which the scene is learned from enhanced photographs as well,
             less and less; 0 for never.
-        start: share of the iterations, [0, 1), before drops and falling rain are looked for.
+        start: share of the iterations, [0, 1), before drops are looked for.
         trial: share of the iterations, (start, 1), up to which single views are kept from the scene, to predict them
             with each layer and without it.
     """

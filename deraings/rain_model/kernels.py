@@ -47,7 +47,6 @@ SUMS = 9  # of each pixel of a lens, see `add_view`
 PRODUCT, SQUARE, SEEN = 6, 7, 8  # of the sums, after photograph and render
 THIRD, THREE = np.float32(1 / 3), np.float32(3)
 LEAST = np.float32(1e-20)  # a sum of weights that is divided by; where it is 0 so are the other sums
-SHORT = np.float32(1e-3)  # length of beta - B that is divided by, at least
 
 
 @inlined
@@ -173,44 +172,6 @@ def _mist_gradient(image, misted, alpha, colour, grad, told, g_image, g_alpha, g
                 a_row[i] = by_alpha[3 * i] + by_alpha[3 * i + 1] + by_alpha[3 * i + 2]
         for c in range(3):
             g_colour[band, c] = by_tint[c::3].sum()
-
-
-@kernel
-def toward_rain(photograph, seen, brightness, left, along, length):
-    """Fills `along` and `length` [H, W], see `streaks.along_rain`; `left` is 1 - S."""
-    height, width = along.shape
-    for row in prange(height):
-        p, s, a_row, l_row = photograph[row], seen[row], along[row], length[row]
-        for i in range(width):
-            product, square = ZERO, ZERO
-            for c in range(3):
-                contrast = max(brightness - s[i, c], ZERO) / left
-                product += (p[i, c] - s[i, c]) * contrast
-                square += contrast * contrast
-            root = np.sqrt(square)
-            l_row[i] = root
-            a_row[i] = product / max(root, SHORT)
-
-
-@kernel
-def line_sums(along, around, clear, limit, sums):
-    """Sums [BANDS, 3] of x, x^2 and x^3 with x = along - around [h, w], cut off at +-limit, over what is `clear`."""
-    height, width = along.shape
-    for band in prange(BANDS):
-        totals = np.zeros((3, width), np.float32)
-        ones, squares, cubes = totals[0], totals[1], totals[2]
-        for row in range(band * height // BANDS, (band + 1) * height // BANDS):
-            a_row, b_row, c_row = along[row], around[row], clear[row]
-            for i in range(width):
-                x = min(max(a_row[i] - b_row[i], -limit), limit) if c_row[i] else ZERO
-                ones[i] += x
-                squares[i] += x * x
-                cubes[i] += x * x * x
-        for k in range(3):
-            total = 0.0
-            for i in range(width):
-                total += totals[k, i]
-            sums[band, k] = total
 
 
 @inlined
@@ -353,8 +314,6 @@ def exercise_kernels() -> None:
     mist_gradient(pixel, pixel, plane, pixel[0, 0], pixel, pixel, BufferPool())
     behind_drops(pixel, plane, pixel, pixel, np.empty_like(pixel))
     shade(pixel, plane, np.empty_like(pixel))
-    toward_rain(pixel, pixel, ONE, ONE, plane, np.empty_like(plane))
-    line_sums(plane, plane, shown, ONE, np.zeros((BANDS, 3)))
     add_view(pixel, pixel, pixel, shown, ONE, ONE, sums[0])
     fit_lines(sums, np.ones(1, np.float32), plane[None].copy(), ONE, ZERO, ONE, plane, pixel)
 

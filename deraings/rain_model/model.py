@@ -23,11 +23,19 @@ from deraings.rain_model.drops import DropLayer, Drops
 from deraings.rain_model.kernels import warm_up
 from deraings.rain_model.mist import Mist, MistGradient, difference_gradient
 from deraings.rain_model.occlusion import Occlusion
-from deraings.rain_model.rainfall import MIN_ALPHA, Observation, Rainfall
+from deraings.rain_model.rainfall import Rainfall
 from hydroviews.scene.images import Image
 
 MIST, DROPS = "mist", "drops"
 COVERED = 0.5  # drop_alpha of a pixel that counts as covered, in reports
+
+
+class Observation(NamedTuple):
+    """A training photograph, and which of its pixels count."""
+
+    photograph: Image  # [H, W, 3]
+    shown: Plane | None  # [H, W], 0 where its mask hides it or the render is not finite; None where all is shown
+    weights: Plane | None  # [H, W] factors on each pixel's share of the loss; None where all are 1
 
 
 class Seen(NamedTuple):
@@ -75,7 +83,6 @@ class RainModel:
         self._first = round(config.start * iterations)
         pictures = [images.pixels(view) for view in range(len(images))]
         hidden = [images.ignored(view) for view in range(len(images))]
-        sizes = [(picture.shape[0], picture.shape[1]) for picture in pictures]
         self.off: set[str] = set()
         self.occlusion, self.mist, self.drops, self.rainfall = None, None, None, None
         if config.occlusion and covers is not None and covers.tells_cover:
@@ -89,13 +96,8 @@ class RainModel:
         if config.drops:
             mean_cover = self.occlusion.recurring_cover if self.occlusion else None
             self.drops = Drops(pictures, config.drops, hidden, mean_cover)
-        if config.rainfall:
-            self.rainfall = Rainfall(sizes, iterations, self._first, config.rainfall, network)
-
-    def begin(self, iteration: int) -> None:
-        """Call first in every step."""
-        if self.rainfall:
-            self.rainfall.begin(iteration)
+        if config.rainfall and network and network.streaks_fall:
+            self.rainfall = Rainfall(images, network, config.rainfall.brightness)
 
     def counts(self, layer: str, iteration: int) -> bool:
         """Whether views are seen through MIST or DROPS in this step."""
@@ -116,8 +118,9 @@ class RainModel:
             without: MIST or DROPS, which is left out.
         """
         size = scene_image.shape[0], scene_image.shape[1]
-        rained, rain_alpha = scene_image, self.rainfall.rain_alpha(view, size) if self.rainfall else None
-        if self.rainfall and rain_alpha is not None:
+        rained, rain_alpha = scene_image, None
+        if self.rainfall:
+            rain_alpha = self.rainfall.alpha(view, size)
             rained = self.rainfall.forward(scene_image, rain_alpha, buffers.array("rained", scene_image.shape))
         misted, mist_root = rained, None
         if self.mist and self.counts(MIST, iteration) and without != MIST:
@@ -167,14 +170,10 @@ class RainModel:
             misted = self.mist.forward(scene_image, mist_root, buffers.array("misted", scene_image.shape))
         return Seen(misted, misted, scene_image, scene_image, None, mist_root, None, view, iteration)
 
-    def update(self, seen: Seen, observed: Observation, by_mist: MistGradient | None, buffers: BufferPool) -> None:
-        """Learn of the rain from a view: mist by its gradient, all else from photograph and render."""
+    def update(self, seen: Seen, observed: Observation, by_mist: MistGradient | None) -> None:
+        """Learn of what is on the lens from a view: mist by its gradient, drops from photograph and render."""
         if self.drops and DROPS not in self.off and self.drops.due(seen.iteration):
             self.drops.update(observed.photograph, seen.without_drops, seen.view, observed.shown)
-        size = seen.image.shape[0], seen.image.shape[1]
-        if self.rainfall and self.rainfall.due(seen.view, size, seen.iteration):
-            even = self._behind_even_rain(self.rainfall, seen, buffers)
-            self.rainfall.update(observed, even, seen.view, seen.iteration)
         if self.mist and by_mist is not None:
             self.mist.update(by_mist, seen.iteration)
 
@@ -194,8 +193,7 @@ class RainModel:
 
     def rain_alpha(self, view: int, size: Size) -> Plane:
         """rain_alpha [H, W] of a training view at (height, width)."""
-        alpha = self.rainfall.rain_alpha(view, size) if self.rainfall else None
-        return np.zeros(size, np.float32) if alpha is None else alpha
+        return self.rainfall.alpha(view, size) if self.rainfall else np.zeros(size, np.float32)
 
     def mist_alpha(self, view: int, size: Size) -> Plane:
         """mist_alpha [H, W] of a training view at (height, width), at the end of the training."""
@@ -220,7 +218,7 @@ class RainModel:
             `mist_mean` and `mist_max` of mist_alpha, `mist_expected` (mean of the prior), `mist_r`, `mist_g`, `mist_b`
             of its linear light, `fog` (contrast lost over the median depth), `drops` (share of the lens more than half
             covered), `occluded` (mean probability), `recurring` (share of the predicted cover that stays on the lens),
-            `rain` (S), `rain_certainty`, `rain_angle` in degrees, `streaks` (mean |D|).
+            `rain` (S), `streaks` (mean |D|).
         """
         numbers: dict[str, float] = {}
         if self.mist:
@@ -236,16 +234,14 @@ class RainModel:
             numbers["occluded"] = max(self.occluded(view, size).mean() for view, size in views.items())
             numbers["recurring"] = self.occlusion.recurring
         if self.rainfall:
-            numbers |= {"rain": self.rainfall.even_alpha, "rain_certainty": self.rainfall.certainty()}
-            numbers["rain_angle"] = self.rainfall.angle()
-            deviations = [self.rainfall.deviation(view) for view in views]
-            numbers["streaks"] = max(0.0 if d is None else np.abs(d).mean() for d in deviations)
+            even = numbers["rain"] = self.rainfall.even_alpha
+            numbers["streaks"] = max(np.abs(self.rain_alpha(view, size) - even).mean() for view, size in views.items())
         return {name: float(value) for name, value in numbers.items()}
 
     def needed(self) -> list[str]:
         """The layers that count at the end of the training."""
         on_lens = [layer for layer in (MIST, DROPS) if self.counts(layer, self.iterations)]
-        return on_lens + (["rain"] if self.rainfall and self.rainfall.even_alpha > MIN_ALPHA else [])
+        return on_lens + (["rain"] if self.rainfall else [])
 
     def settings(self) -> dict[str, Any]:
         """The settings; a checkpoint made with others is refused."""
@@ -265,19 +261,9 @@ class RainModel:
             model.load_state_dict(below(part, arrays))
 
     def _parts(self) -> list[tuple[str, Any]]:
-        parts = (MIST, self.mist), (DROPS, self.drops), *(self.rainfall.parts() if self.rainfall else ())
+        parts = (MIST, self.mist), (DROPS, self.drops)
         return [(name, model) for name, model in parts if model is not None]
 
     def _views_fitted(self, view: int) -> float:
         """To how many views the lines of a view's drops have been fitted."""
         return self.drops.views_added(view) if self.drops else 0.0
-
-    def _behind_even_rain(self, rainfall: Rainfall, seen: Seen, buffers: BufferPool) -> Image:
-        """The view [H, W, 3] without its single streaks and without drops."""
-        if rainfall.deviation(seen.view) is None:
-            return seen.without_drops
-        even = np.full(seen.image.shape[:2], rainfall.even_alpha, np.float32)
-        rained = rainfall.forward(seen.scene_image, even, buffers.array("rained_even", seen.image.shape))
-        if self.mist is None or seen.mist_root is None:
-            return rained
-        return self.mist.forward(rained, seen.mist_root, buffers.array("misted_even", rained.shape))

@@ -24,9 +24,8 @@ from deraings.image_planes import Plane, product
 from deraings.lens.paleness import MistEvidence
 from deraings.rain_model.config import RainConfig
 from deraings.rain_model.drops import DropLayer
-from deraings.rain_model.model import DROPS, MIST, RainModel
+from deraings.rain_model.model import DROPS, MIST, Observation, RainModel
 from deraings.rain_model.on_gpu import RainOnGPU
-from deraings.rain_model.rainfall import Observation
 from hydroviews.scene.images import Image
 
 GOLDEN = (5**0.5 - 1) / 2  # multiples of it, modulo 1, are spread evenly over [0, 1)
@@ -86,27 +85,25 @@ class RainObjective(Objective):
         size = image.shape[0], image.shape[1]
         target = self.target(view, size)
         image, finite = _finite(image)
-        self.model.begin(iteration)
         if self.trial.keeps(view, iteration):
             return self.trial.look(image, target, view, iteration, buffers), np.zeros_like(image)
         seen = self.model.forward(image, view, iteration, buffers)
         shown = product(target.shown, finite)
         weights = product(self.weights(lambda: seen.image, view, size, iteration, buffers, seen.drops), shown)
-        observed = Observation(target.image, target.shown, shown, weights)
+        observed = Observation(target.image, shown, weights)
         if self.enhanced and self.enhanced.due(view, iteration):
-            self.model.update(seen, observed, None, buffers)
+            self.model.update(seen, observed, None)
             left = self.model.forward_enhanced(image, view, iteration, buffers)
             enhanced = self.enhanced.target(view, size)
             loss, gradient = photometric_loss(left.image, enhanced, self.lambda_dssim, weights, buffers)
             return loss, self.model.backward(left, gradient, observed, buffers)[0]
         loss, gradient = photometric_loss(seen.image, target, self.lambda_dssim, weights, buffers)
         by_scene, by_mist = self.model.backward(seen, gradient, observed, buffers)
-        self.model.update(seen, observed, by_mist, buffers)
+        self.model.update(seen, observed, by_mist)
         return loss, by_scene
 
     def on_gpu(self, render: Tensor, view: int, iteration: int, buffers: BufferPool) -> OnGPU:
         """See Objective; learns as `__call__` does."""
-        self.model.begin(iteration)
         size = render.shape[0], render.shape[1]
         target = self.target(view, size)
         if self.trial.keeps(view, iteration):
@@ -116,10 +113,10 @@ class RainObjective(Objective):
         left = self.weights(cache(lambda: fetched(seen.image)), view, size, iteration, buffers)
         weights = None if left is None else sent(left)
         if self.enhanced and self.enhanced.due(view, iteration):
-            learn = partial(self._on_gpu.update, seen._replace(mist=None), target, weights, buffers)
+            learn = partial(self._on_gpu.update, seen._replace(mist=None), target, weights)
             image = self._on_gpu.forward_enhanced(render, view, iteration)
             return OnGPU(image, weights, self.enhanced.target(view, size), learn=learn)
-        return OnGPU(seen.image, weights, learn=partial(self._on_gpu.update, seen, target, weights, buffers))
+        return OnGPU(seen.image, weights, learn=partial(self._on_gpu.update, seen, target, weights))
 
     def residual(self, image: Image, view: int, buffers: BufferPool) -> float:
         """See Objective."""

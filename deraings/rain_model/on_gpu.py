@@ -1,8 +1,7 @@
 """The rain between scene and photograph where a GPU renders: the formulas of the CPU's kernels, in torch.
 
 What is learned of the rain stays on the CPU: the mist's knots and a lens of 400 pixels are small, and what drops are
-learned from is averaged down before it is downloaded. Only steps that falling rain is learned from, one in a hundred,
-take the CPU's way. Gradients are torch's.
+learned from is averaged down before it is downloaded. Gradients are torch's.
 """
 
 from collections.abc import Callable
@@ -14,17 +13,15 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.photometric import Target
 from baselines.training.images import Size
 from baselines.training.torch_state import fetched, sent
 from deraings.enhancement.architecture.mist_branch import decoded, encoded
-from deraings.image_planes import CELLS, Plane, averages_around, product, within_side
+from deraings.image_planes import CELLS, averages_around, product, within_side
 from deraings.rain_model.drops import DropLayer
 from deraings.rain_model.kernels import BRIGHTEST, BRIGHTEST_ENCODED, mix
 from deraings.rain_model.mist import NOISE, Mist, spreading
 from deraings.rain_model.model import DROPS, MIST, RainModel
-from deraings.rain_model.rainfall import MOST, Observation
 
 MIX: Callable = mix.py_func  # type: ignore[attr-defined]  # the kernels' formula, of tensors
 Matrix = Callable[[int, int], NDArray[np.float32]]  # makes one for a line of so many pixels and so many parts or knots
@@ -71,10 +68,9 @@ class RainOnGPU:
     def forward(self, scene_image: Tensor, view: int, iteration: int) -> SeenOnGPU:
         """A rendered view [H, W, 3] through all that is known of the rain; see `RainModel.forward`."""
         size = scene_image.shape[0], scene_image.shape[1]
-        model, alpha, mist, drop_alpha = self._model, self._rain_alpha(view, size), None, None
-        seen = scene_image
-        if model.rainfall and alpha is not None:
-            seen = behind_rain(seen, alpha, model.rainfall.brightness)
+        model, seen, mist, drop_alpha = self._model, scene_image, None, None
+        if model.rainfall:
+            seen = behind_rain(seen, sent(model.rain_alpha(view, size)), model.rainfall.brightness)
         rained = seen
         if model.mist and model.counts(MIST, iteration):
             mist = self._mist(model.mist, model.mist.knots(view), size)
@@ -99,7 +95,6 @@ class RainOnGPU:
         seen: SeenOnGPU,
         target: Target,
         weights: Tensor | None,
-        buffers: BufferPool,
         pixels: Tensor,
         shown: Tensor | None,
     ) -> None:
@@ -109,14 +104,11 @@ class RainOnGPU:
             seen: the view.
             target: its photograph.
             weights: factors [H, W] on each pixel's share of the loss.
-            buffers: to reuse.
             pixels: the photograph [H, W, 3], uint8.
             shown: which pixels of it are not hidden, [H, W]; None where all are shown.
         """
         model = self._model
-        if model.rainfall and model.rainfall.due(seen.view, seen.size, seen.iteration):
-            self._update_on_cpu(seen, target, weights, buffers)
-        elif model.drops and DROPS not in model.off and model.drops.due(seen.iteration):
+        if model.drops and DROPS not in model.off and model.drops.due(seen.iteration):
             small = self._averaged(seen.without_drops.detach(), model.drops.size(seen.view), averaging)
             model.drops.update(target.image, fetched(small), seen.view, target.shown)
         if model.mist and seen.mist is not None and (seen.rains or seen.mist.knots.grad is not None):
@@ -133,27 +125,6 @@ class RainOnGPU:
         again = self._mist(mist, mist.knots(seen.view), seen.size)
         torch.autograd.backward(behind_mist(seen.rained.detach(), again), gradient)
         return again
-
-    def _update_on_cpu(self, seen: SeenOnGPU, target: Target, weights: Tensor | None, buffers: BufferPool) -> None:
-        """All but mist, from the view as the CPU's kernels show it."""
-        on_cpu = self._model.forward(fetched(seen.scene_image), seen.view, seen.iteration, buffers)
-        factors: Plane | None = None if weights is None else fetched(weights)
-        if target.shown is not None:
-            factors = target.shown if factors is None else factors * target.shown
-        observed = Observation(target.image, target.shown, target.shown, factors)
-        self._model.update(on_cpu, observed, None, buffers)
-
-    def _rain_alpha(self, view: int, size: Size) -> Tensor | None:
-        """rain_alpha [H, W], or [1, 1] where it is the same everywhere; None where there is none."""
-        rain = self._model.rainfall
-        if rain is None or not rain.even_alpha:
-            return None
-        deviation = rain.deviation(view)
-        if deviation is None:
-            return sent(np.full((1, 1), rain.even_alpha, np.float32))
-        if not _within(deviation.shape, size):
-            return sent(self._model.rain_alpha(view, size))
-        return (rain.even_alpha + enlarged(sent(deviation)[None], size)[0]).clamp(0, MOST)
 
     def _averaged(self, image: Tensor, size: Size, kind: Matrix) -> Tensor:
         """A picture [H, W, 3] averaged over the areas of (height, width) pixels, as `kind` has it."""
@@ -179,7 +150,7 @@ class RainOnGPU:
 
 
 def behind_rain(image: Tensor, alpha: Tensor, brightness: float) -> Tensor:
-    """A view [H, W, 3] behind rain of alpha [H, W] or [1, 1] and encoded value `brightness`."""
+    """A view [H, W, 3] behind rain of alpha [H, W] and encoded value `brightness`."""
     return MIX(alpha[..., None], image, brightness)
 
 
