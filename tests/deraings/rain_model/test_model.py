@@ -10,38 +10,40 @@ from baselines.splatting.kernels.photometric import photometric_loss, prepare_ta
 from baselines.training.images import TrainingImages
 from deraings.image_planes import surroundings
 from deraings.lens.mist_prior import NetworkMist
-from deraings.rain_model.config import RainConfig, RainfallConfig
-from deraings.rain_model.model import DROPS, MIST, RainModel
-from deraings.rain_model.rainfall import Observation
+from deraings.rain_model.config import RainConfig
+from deraings.rain_model.model import DROPS, MIST, Observation, RainModel
 from hydroviews.rain.streaks.recipe import StreakPattern, composite, streak_layer
 from hydroviews.scene.images import to_linear, to_srgb
 
 COUNT, SIZE, STEPS, BETA = 10, (121, 160), 100, 0.88
 PATTERN = StreakPattern(n=200, length=40, angle=75, width=7)
-CONFIG = RainConfig(rainfall=RainfallConfig(rainy=0.07))
+CONFIG = RainConfig()
 DROP = (slice(40, 70), slice(30, 60))
 MIST_ALPHA = np.tile(np.linspace(0, 0.4, SIZE[1], dtype=np.float32), (SIZE[0], 1))
 
 
 def rainy_views():
-    """Streaks, then mist, then a drop over a known scene: photographs and scene, [N, H, W, 3] each."""
+    """Streaks, then mist, then a drop over a known scene, and the network's pictures: without streaks.
+
+    Photographs, scene and pictures, [N, H, W, 3] each.
+    """
     scene, rng = panorama.views_of(panorama.paint(size=(250, 400)), COUNT, size=SIZE), np.random.default_rng(7)
     rained = [composite(view, streak_layer(PATTERN, SIZE[1], SIZE[0], rng), BETA) for view in scene]
-    photographs = panorama.misted(np.stack(rained), MIST_ALPHA, np.array([0.6, 0.65, 0.7]))
-    photographs[(slice(None), *DROP)] = panorama.shaded_drop(30, 30)
-    return photographs, scene
+    photographs, dry = (panorama.misted(np.stack(p), MIST_ALPHA, np.array([0.6, 0.65, 0.7])) for p in (rained, scene))
+    for pictures in (photographs, dry):
+        pictures[(slice(None), *DROP)] = panorama.shaded_drop(30, 30)
+    return photographs, scene, dry
 
 
 def step(model, photograph, scene_image, view, iteration, buffers):
     """One step of a training, as the objective does it; returns what was seen, and the gradients."""
     target = prepare_target((255 * photograph).round().astype(np.uint8))
-    model.begin(iteration)
     seen = model.forward(scene_image, view, iteration, buffers)
     weights = model.weights(view, SIZE, iteration)
     _, gradient = photometric_loss(seen.image, target, 0.2, weights, buffers)
-    observed = Observation(photograph, None, None, weights)
+    observed = Observation(photograph, None, weights)
     by_scene, by_mist = model.backward(seen, gradient, observed, buffers)
-    model.update(seen, observed, by_mist, buffers)
+    model.update(seen, observed, by_mist)
     return seen, by_scene, by_mist
 
 
@@ -54,10 +56,15 @@ def model_of(photographs, *network, **covers):
     return RainModel(TrainingImages(panorama.eight_bit(photographs)), STEPS, CONFIG, *network, **covers)
 
 
+def wet_model(views):
+    """A model that a network supports in falling rain alone."""
+    return model_of(views[0], PretendedNetwork(views[2], streaks_fall=True))
+
+
 @pytest.fixture
 def model(views, found):
     """A model that has found all kinds of rain."""
-    model = model_of(views[0])
+    model = wet_model(views)
     model.load_state_dict({name: value.copy() for name, value in found.items()})
     return model
 
@@ -65,8 +72,8 @@ def model(views, found):
 @pytest.fixture(scope="module")
 def found(views):
     """The state of such a model."""
-    photographs, scene = views
-    model, buffers = model_of(photographs), BufferPool()
+    photographs, scene, _ = views
+    model, buffers = wet_model(views), BufferPool()
     for i in range(60):
         step(model, photographs[i % COUNT], scene[i % COUNT], i % COUNT, i, buffers)
     return state_of(model)
@@ -95,7 +102,7 @@ def test_what_is_seen_is_the_equation(model, views):
 
 def test_the_gradient_agrees_with_differences(model, views):
     scene_image, toward = np.clip(views[1][3], 0.05, 0.95), np.random.default_rng(0).standard_normal((*SIZE, 3))
-    seen, observed = model.forward(scene_image, 3, 60, BufferPool()), Observation(views[0][3], None, None, None)
+    seen, observed = model.forward(scene_image, 3, 60, BufferPool()), Observation(views[0][3], None, None)
     by_scene, by_mist = model.backward(seen, toward.astype(np.float32), observed, BufferPool())
     direction = np.sign(by_scene)
     up, down = (model.forward(scene_image + s * direction, 3, 60, BufferPool()).image for s in (1e-3, -1e-3))
@@ -105,28 +112,26 @@ def test_the_gradient_agrees_with_differences(model, views):
 
 
 def test_only_update_learns_and_leaves_what_was_seen_as_it_was(model, views):
-    """Views without their single streaks are rendered for it, in the same buffers."""
-    photographs, scene = views
+    photographs, scene, _ = views
     before, buffers = state_of(model), BufferPool()
-    seen, observed = model.forward(scene[3], 3, 60, buffers), Observation(photographs[3], None, None, None)
+    seen, observed = model.forward(scene[3], 3, 60, buffers), Observation(photographs[3], None, None)
     kept = [part.copy() for part in (seen.image, seen.without_drops, seen.rained)]
     _, by_mist = model.backward(seen, np.ones((*SIZE, 3), np.float32), observed, buffers)
     assert same(before, state_of(model))
-    model.update(seen, observed, by_mist, buffers)
+    model.update(seen, observed, by_mist)
     after = state_of(model)
-    for part in ("mist", "drops", "rainfall"):
+    for part in ("mist", "drops"):
         assert not same(*({n: v for n, v in state.items() if n.startswith(part)} for state in (before, after)))
-    assert model.rainfall.deviation(3) is not None
     assert all(np.array_equal(a, b) for a, b in zip(kept, (seen.image, seen.without_drops, seen.rained), strict=True))
 
 
 def test_drops_are_learned_from_what_is_seen_without_drops(model, views, monkeypatch):
     """Seen through the drops that are known already, photographs would follow it: they would be forgotten."""
-    photographs, scene = views
+    photographs, scene, _ = views
     buffers, told = BufferPool(), []
     monkeypatch.setattr(model.drops, "update", lambda photograph, seen, *_: told.append(seen.copy()))
     seen = model.forward(scene[3], 3, 60, buffers)
-    model.update(seen, Observation(photographs[3], None, None, None), None, buffers)
+    model.update(seen, Observation(photographs[3], None, None), None)
     assert np.array_equal(told[0], seen.without_drops)
     assert not np.array_equal(seen.image, seen.without_drops)
 
@@ -142,7 +147,7 @@ def test_all_layers_are_found_where_they_were_drawn(model, views):
     assert report["mist_mean"] == pytest.approx(max(model.mist_alpha(view, SIZE).mean() for view in (0, 3)))
     assert report["drops"] == pytest.approx(inside.mean(), abs=0.03)
     assert report["rain"] > 0.02
-    assert report["rain_angle"] == pytest.approx(PATTERN.angle, abs=15)
+    assert report["streaks"] > 0.02
     assert all(isinstance(value, float) for value in report.values())
 
 
@@ -169,7 +174,7 @@ def test_drops_do_not_count_before_their_start(model, views):
 
 
 def test_what_a_network_predicts_is_evidence_of_each_layer(views):
-    photographs, _ = views
+    photographs, *_ = views
     covers = np.zeros((COUNT, *SIZE), np.float32)
     covers[(slice(None), *DROP)] = 0.8
     light = np.full((16, 16), 0.02, np.float32)

@@ -8,6 +8,7 @@ import panorama
 import pytest
 import torch
 from pretended_network import PretendedNetwork
+from rain_steps import let_it_rain
 from splats import BACKGROUND
 
 from baselines.splatting.backends.base import GSPLAT
@@ -16,7 +17,7 @@ from baselines.training.devices import missing_for_cuda
 from baselines.training.images import TrainingImages
 from baselines.training.torch_state import fetched, sent
 from deraings.image_planes import resized, surroundings
-from deraings.rain_model.config import RainConfig, RainfallConfig
+from deraings.rain_model.config import RainConfig
 from deraings.rain_model.drops import DropLayer
 from deraings.rain_model.kernels import add_mist, mist_gradient
 from deraings.rain_model.model import RainModel
@@ -24,7 +25,7 @@ from deraings.rain_model.objective import RainObjective
 from deraings.rain_model.on_gpu import MistOnGPU, RainOnGPU, averaging, behind_drops, behind_mist, enlarged
 
 COUNT, STEPS = 8, 60
-EAGER = RainConfig(rainfall=RainfallConfig(updates=10), start=0.1)
+EAGER = RainConfig(start=0.1)
 NOTHING = RainConfig(mist=None, drops=None, occlusion=None, rainfall=None, enhanced=0)
 
 
@@ -53,14 +54,13 @@ def photographs(scene):
     return rainy
 
 
-def objective_of(scene, config=EAGER, hidden=(), even=0.0, **more):
+def objective_of(scene, config=EAGER, hidden=(), even=0.0, streaks=(), **more):
     """One that has found mist and falling rain. Its loss is D-SSIM: L1 has kinks, where rounding turns gradients."""
     images = TrainingImages(panorama.eight_bit(photographs(scene)), hidden)
     objective = RainObjective(images, STEPS, config, lambda_dssim=1.0, **more)
     roots = objective.model.mist.roots
     roots[:] = np.linspace(0, 0.6, roots.size).reshape(roots.shape)
-    objective.model.rainfall.alpha[0] = even
-    return objective
+    return let_it_rain(objective, even, streaks)
 
 
 def compare(gpu, scene, one, two, size=None, steps=STEPS):
@@ -86,13 +86,12 @@ def test_a_training_on_the_gpu_learns_the_same(gpu, scene):
     compare(gpu, scene, *objectives)
     model = objectives[1].model
     assert model.drop_alpha(0, scene.shape[1:3]).max() > 0.5  # it was there to be compared
-    assert model.rainfall.powers[0, 0] > 0
     assert model.mist.steps[0] == STEPS
 
 
 def test_behind_falling_rain_mist_is_learned_the_same(gpu, scene):
     """From differences alone, not from the gradient of the loss; even rain, as if it were known."""
-    config = replace(EAGER, rainfall=RainfallConfig(updates=1), start=0.9)
+    config = replace(EAGER, start=0.9)
     compare(gpu, scene, *(objective_of(scene, config, even=0.1) for _ in range(2)), steps=30)
 
 
@@ -110,7 +109,7 @@ def test_steps_with_enhanced_photographs_are_the_same(gpu, scene, even):
     """In rain as well, where mist is learned apart from the loss: it learns nothing of the photograph then."""
     error = np.linspace(0.01, 0.1, 20 * 30, dtype=np.float32).reshape(20, 30)
     network = PretendedNetwork(scene, change=lambda _: 0.7, error=error)
-    config = replace(EAGER, rainfall=RainfallConfig(updates=1), start=0.9)
+    config = replace(EAGER, start=0.9)
     objectives = [objective_of(scene, config, even=even, network=network) for _ in range(2)]
     due = [objectives[0].enhanced.due(step % COUNT, step) for step in range(12)]
     assert 3 < sum(due) < 9
@@ -135,13 +134,8 @@ def test_kept_views_teach_nothing(gpu, scene):
 def test_single_streaks_hidden_pixels_and_small_views(gpu, scene):
     hidden = [np.zeros(scene.shape[1:3], bool) for _ in range(COUNT)]
     hidden[1][:20, :30] = True
-    config = replace(EAGER, rainfall=RainfallConfig(updates=1), start=0.1)
-    objectives = [objective_of(scene, config, hidden=hidden, even=0.1) for _ in range(2)]
-    rng = np.random.default_rng(1)
-    for view in range(COUNT):
-        deviation = rng.integers(100, 200, scene.shape[1:3]).astype(np.uint8)
-        for objective in objectives:
-            objective.model.rainfall.streaks.deviations[view] = deviation
+    streaks = np.random.default_rng(1).uniform(-0.1, 0.3, scene.shape[:3])
+    objectives = [objective_of(scene, hidden=hidden, even=0.1, streaks=streaks) for _ in range(2)]
     assert objectives[0].model.rain_alpha(0, scene.shape[1:3]).std() > 0.05
     compare(gpu, scene, *objectives, steps=6)
     compare(gpu, scene, *objectives, size=(23, 31), steps=6)

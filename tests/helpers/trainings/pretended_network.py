@@ -30,6 +30,7 @@ class PretendedNetwork:
         change: Callable[[int], float] = lambda _: 0.0,
         error: Plane | None = None,
         hidden: Sequence[NDArray[np.bool_] | None] = (),
+        streaks_fall: bool = False,
     ) -> None:
         """A network.
 
@@ -40,10 +41,11 @@ class PretendedNetwork:
             change: what it changes over its error, [0, 1], by view.
             error: that it expects of each picture [h, w].
             hidden: masks [H, W] of the photographs.
+            streaks_fall: whether it predicts streaks.
         """
         self.pictures = [to_uint8(picture) for picture in pictures]
         self.covers, self.tells_cover, self.mist, self.error = covers, covers is not None, mist, error
-        self.change_over_error, self.hidden = change, hidden
+        self.change_over_error, self.hidden, self.streaks_fall = change, hidden, streaks_fall
         self.read = 0
 
     def small_drop_cover(self, view: int) -> Plane:

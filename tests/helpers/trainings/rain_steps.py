@@ -1,8 +1,10 @@
 """Steps of an objective on renders that stay as they are, compared to the bit."""
 
 import numpy as np
+from pretended_network import PretendedNetwork
 
 from baselines.splatting.kernels.buffer_pool import BufferPool
+from deraings.rain_model.rainfall import Rainfall
 
 
 def steps(objective, images, first, last):
@@ -13,6 +15,19 @@ def steps(objective, images, first, last):
         loss, gradient = objective(images[view], view, step, buffers)
         out.append((loss, gradient.copy()))
     return out
+
+
+def let_it_rain(objective, even, streaks=()):
+    """An objective behind rain of median cover `even` and single streaks [N, H, W]; without rain if it is 0."""
+    images = objective.images
+    dry = [images.pixels(view) / np.float32(255) for view in range(len(images))]
+    rain = Rainfall(images, PretendedNetwork(dry), brightness=0.88)
+    rain.even_alpha = even
+    for view, deviation in enumerate(streaks):
+        rain.alpha(view, deviation.shape)  # S alone, as the network changes nothing
+        rain._alphas[view] = (255 * np.clip(even + deviation, 0, 1)).astype(np.uint8)
+    objective.model.rainfall = rain if even else None
+    return objective
 
 
 def assert_same_steps(found, expected):
