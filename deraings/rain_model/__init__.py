@@ -21,13 +21,13 @@ photographs I:
 rho is the photometric loss (L1 and SSIM). B_left is B behind the mist that E still has: the part of V beyond the mist
 that the network removes, its error included. lambda falls from 1 to 0. c is the share of the network's change of a
 photograph that is not the network's own expected error. Each step uses one of the first two terms: the second one with
-the probability lambda c. M, L, S and D follow in closed form from running means over photographs and renders. A network
-predicts E, its error, the covers in r, a part of prior(V), and a part of S and D. Without a network, the other sources
-are left.
+the probability lambda c. M and L follow in closed form from running means over photographs and renders, S and D from
+photographs and E. A network predicts E, its error, the covers in r, and a part of prior(V). Without a network, M, L, V
+and a are left.
 
 Some views are kept from the scene at first, and a layer's gain is how much better it predicts them. Drops are left out
 for the rest of the training if their gain is below 2 standard errors, mist if its gain is below -2. Falling rain, which
-no other view predicts, counts as far as differences of photographs and renders are skewed along one direction.
+no other view predicts, counts if the network predicts streaks.
 
     config.py             all settings
     objective.py          RainObjective: the steps, the enhanced photographs, the trial of the layers
@@ -35,7 +35,7 @@ no other view predicts, counts as far as differences of photographs and renders 
     occlusion.py          r
     drops.py              M and L, by lines in which photographs follow renders
     mist.py               V and a, by Adam
-    rainfall.py           S; streaks.py: D; streak_statistics.py: whether it rains, and how much
+    rainfall.py           S and D
     kernels.py            the layers' formulas and gradients on a CPU; on_gpu.py: the same where a GPU renders
 
 What photographs of one lens show before any training is in `deraings.lens`.

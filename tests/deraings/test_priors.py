@@ -36,7 +36,7 @@ def test_the_page_has_all_settings_that_say_what_rain_is():
     how = {
         "mist": {"rate", "colour_rate"},
         "drops": {"long_side", "every", "noise"},
-        "rainfall": {"brightness", "updates", "memory", "visits"},
+        "rainfall": {"brightness"},
     }
     for part, named in how.items():
         there = {setting.partition(".")[2] for setting, _ in listed() if setting.startswith(f"{part}.")}
