@@ -44,7 +44,6 @@ class Seen(NamedTuple):
     image: Image  # O [H, W, 3]: through all of the rain
     without_drops: Image  # T [H, W, 3]: through falling rain and mist
     rained: Image  # R [H, W, 3]: through falling rain alone
-    scene_image: Image  # B [H, W, 3]
     rain_alpha: Plane | None  # [H, W]; None where there is no rain
     mist_root: Plane | None  # sqrt(mist_alpha) [H, W]; None where mist does not count
     drops: DropLayer | None
@@ -80,7 +79,7 @@ class RainModel:
         """
         warm_up()
         self.config, self.iterations, self._network = config, iterations, network
-        self._first = round(config.start * iterations)
+        self._first = round(config.start * iterations)  # in which drops count
         pictures = [images.pixels(view) for view in range(len(images))]
         hidden = [images.ignored(view) for view in range(len(images))]
         self.off: set[str] = set()
@@ -130,7 +129,7 @@ class RainModel:
         if self.drops and self.counts(DROPS, iteration) and without != DROPS:
             drops = self.drops.layer(view, size)
             image = drops.forward(misted, buffers)
-        return Seen(image, misted, rained, scene_image, rain_alpha, mist_root, drops, view, iteration)
+        return Seen(image, misted, rained, rain_alpha, mist_root, drops, view, iteration)
 
     def backward(
         self, seen: Seen, gradient: Image, observed: Observation, buffers: BufferPool
@@ -168,7 +167,7 @@ class RainModel:
         if self.mist and self.counts(MIST, iteration):
             mist_root = self.mist.spread(self.mist.left_knots(view), (scene_image.shape[0], scene_image.shape[1]))
             misted = self.mist.forward(scene_image, mist_root, buffers.array("misted", scene_image.shape))
-        return Seen(misted, misted, scene_image, scene_image, None, mist_root, None, view, iteration)
+        return Seen(misted, misted, scene_image, None, mist_root, None, view, iteration)
 
     def update(self, seen: Seen, observed: Observation, by_mist: MistGradient | None) -> None:
         """Learn of what is on the lens from a view: mist by its gradient, drops from photograph and render."""

@@ -41,7 +41,7 @@ class SeenOnGPU(NamedTuple):
     image: Tensor  # O [H, W, 3]
     without_drops: Tensor  # T [H, W, 3]
     rained: Tensor  # R [H, W, 3]
-    scene_image: Tensor  # B [H, W, 3]
+    rains: bool
     mist: MistOnGPU | None
     drop_alpha: Tensor | None  # [H, W]
     view: int
@@ -51,11 +51,6 @@ class SeenOnGPU(NamedTuple):
     def size(self) -> Size:
         """Height and width."""
         return self.image.shape[0], self.image.shape[1]
-
-    @property
-    def rains(self) -> bool:
-        """Whether falling rain is part of what is seen."""
-        return self.rained is not self.scene_image
 
 
 class RainOnGPU:
@@ -80,7 +75,7 @@ class RainOnGPU:
             lens = model.drops.size(view)
             layer = model.drops.layer(view, lens if _within(lens, size) else size)
             seen, drop_alpha = behind_drops(seen, self._surroundings(seen.detach()), layer)
-        return SeenOnGPU(seen, without_drops, rained, scene_image, mist, drop_alpha, view, iteration)
+        return SeenOnGPU(seen, without_drops, rained, model.rainfall is not None, mist, drop_alpha, view, iteration)
 
     def forward_enhanced(self, scene_image: Tensor, view: int, iteration: int) -> Tensor:
         """A rendered view [H, W, 3] through what the network leaves of the rain; see `RainModel.forward_enhanced`."""
@@ -91,12 +86,7 @@ class RainOnGPU:
         return behind_mist(scene_image, self._mist(mist, mist.left_knots(view), size))
 
     def update(
-        self,
-        seen: SeenOnGPU,
-        target: Target,
-        weights: Tensor | None,
-        pixels: Tensor,
-        shown: Tensor | None,
+        self, seen: SeenOnGPU, target: Target, weights: Tensor | None, pixels: Tensor, shown: Tensor | None
     ) -> None:
         """Learn of the rain from a view, whose gradients are there.
 
