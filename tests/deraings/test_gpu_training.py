@@ -62,7 +62,7 @@ METHODS = {  # and the most uploads, downloads and questions of a step, which se
     "spotless": (Spotless, TAUGHT, (12, 3, 0)),
     "spotless-lens": (SpotlessLens, TAUGHT, (13, 3, 0)),
     "desplat": (DeSplat, DeSplatConfig(HURRIED, LayerConfig(number=20)), (8, 2, 0)),
-    "rain": (DeRainGS, DeRainGSConfig(HURRIED, rain=RainConfig()), (15, 5, 0)),  # mist and drops, and their gradients
+    "rain": (DeRainGS, DeRainGSConfig(HURRIED, rain=RainConfig()), (15, 4, 0)),  # mist and drops, and their gradients
     "wild": (WildGaussians, TONES, (16, 4, 2)),
     "gs-w": (GaussianInTheWild, GSWConfig(HURRIED, SHORT), (17, 3, 2)),
     "wild-gs": (WildGS, WildGSConfig(HURRIED, LOOK), (18, 7, 2)),
