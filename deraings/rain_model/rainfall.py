@@ -12,6 +12,7 @@ than the network finds, and s is small. So S / m = EVEN m^1.5 / s.
 
 import numpy as np
 from numpy.typing import NDArray
+from tqdm import tqdm
 
 from baselines.training.images import Size, TrainingImages
 from deraings.enhancement.views import EnhancedViews
@@ -30,7 +31,7 @@ class Rainfall:
     """S, and S + D of each view."""
 
     def __init__(self, images: TrainingImages, network: EnhancedViews, brightness: float) -> None:
-        """Rain that a network finds in photographs.
+        """Rain that a network finds in photographs; shows progress.
 
         Args:
             images: the photographs.
@@ -64,7 +65,7 @@ class Rainfall:
     def _even_alpha(self) -> float:
         """S of all views; pixels weigh as much as rain can be seen in front of them."""
         sums = np.zeros(3)
-        for view in range(len(self._images)):
+        for view in tqdm(range(len(self._images)), desc="falling rain", unit="view", leave=False):
             product, square = self._toward_rain(view)
             sums += product.sum(), square.sum(), (product**2 / np.maximum(square, MIN_CONTRAST**2)).sum()
         if sums[0] <= 0:
