@@ -1,13 +1,13 @@
-"""Falling rain: new in every view, so that no other view shows its streaks. A network does, in each photograph.
+"""Falling rain. Streaks are new in every view: no other view shows them, so a network finds them in each photograph.
 
     R = (1 - S - D) B + (S + D) beta,   in encoded values
 
 A photograph I and its enhanced picture E have the cover alpha = (I - E) . (beta - E) / |beta - E|^2, over the channels.
-D is alpha less its median in the view. S is the median of all rain, of which the network finds too little where rain is
-dense: it draws the streaks of one picture, and takes the even layer that they add up to for the scene. How dense rain
-is, the mean m of alpha over all views and its standard deviation s say. Where streaks are few, most pixels show none of
-them, so that the median is far below the mean and s is large; where they overlap, the median is about the mean, more
-than the network finds, and s is small. So S / m = EVEN m^1.5 / s.
+D is alpha less its median in the view. S is the median cover of all rain. In dense rain, the network finds too little
+of S: it removes single streaks, and leaves most of the even layer that streaks add up to. The mean m and the standard
+deviation s of alpha over all views show how dense rain is. Sparse rain leaves most pixels dry, so that the median is
+far below the mean, and s is large. In dense rain streaks overlap: the median is about the mean, and s is small. The
+model is S / m = EVEN m^1.5 / s, at most MOST_OVER_MEAN.
 """
 
 import numpy as np
@@ -63,7 +63,7 @@ class Rainfall:
         return out
 
     def _even_alpha(self) -> float:
-        """S of all views; pixels weigh as much as rain can be seen in front of them."""
+        """S of all views. The weight of a pixel is the square of its contrast to rain."""
         sums = np.zeros(3)
         for view in tqdm(range(len(self._images)), desc="falling rain", unit="view", leave=False):
             product, square = self._toward_rain(view)
