@@ -27,7 +27,7 @@ from hydroviews.scene.images import Image
 STREAKS, DROPS = 0, 1  # channels of what rain covers
 DROP = 0.5  # mean cover of a place with a drop
 MIN_DROPS = 0.01  # share of the lens with drops from which they stay: 0.06 in light drops, 0 in streaks and dry views
-LEAST_STREAKS = 0.02  # mean cover by streaks from which they fall: 0.008 in dry views and fog, 0.04 in light streaks
+MAX_STREAKS = 0.02  # mean cover by streaks: 0.005 in drops, 0.04 in light streaks
 CLEAR, COVERED = 0.2, 0.5  # mean cover up to which the photograph counts alone, and from which the network does
 SMOOTH = 1 / 40  # standard deviation of G, in longer sides of the picture
 MIN_SHARE = 1e-3  # of clear pixels around one: where there are fewer, G says next to nothing
@@ -40,12 +40,10 @@ class LensCovers:
     Attributes:
         means: of each place of the lens about the time of each view, [H, W] in [0, 1]: the mean of what is seen in the
             other views; of a photograph of which there is no other, what is seen in it.
-        streaks_fall: whether streaks are in the photographs.
         stay: whether drops stay on the lens, and no streaks fall.
     """
 
     means: Sequence[Plane]
-    streaks_fall: bool
     stay: bool
 
 
@@ -62,8 +60,8 @@ def lens_covers(covers: Sequence[NDArray[np.uint8]]) -> LensCovers:
         mean = mean_around(view, {other: plane for other, plane in drops.items() if other != view}, own.shape, AROUND)
         means.append((own if mean is None else mean) / np.float32(255))
         shares.append(0.0 if mean is None else float(np.mean(means[-1] > DROP)))
-    streaks_fall = bool(np.mean([cover[..., STREAKS].mean() / 255 for cover in covers]) >= LEAST_STREAKS)
-    return LensCovers(means, streaks_fall, bool(np.mean(shares) >= MIN_DROPS) and not streaks_fall)
+    streaks = np.mean([cover[..., STREAKS].mean() / 255 for cover in covers])
+    return LensCovers(means, bool(np.mean(shares) >= MIN_DROPS and streaks <= MAX_STREAKS))
 
 
 def covered(mean: Plane) -> Plane:

@@ -105,11 +105,6 @@ class EnhancedViews:
         return self._lens_covers.means[index]
 
     @property
-    def streaks_fall(self) -> bool:
-        """Whether streaks are in the photographs, as far as the network tells."""
-        return self.tells_cover and self._lens_covers.streaks_fall
-
-    @property
     def drops_stay(self) -> bool:
         """Whether drops stay on the lens, as far as the network tells."""
         return self.tells_cover and self._lens_covers.stay
@@ -121,6 +116,14 @@ class EnhancedViews:
             InputError: a kept picture is damaged.
         """
         return self._hidden[index]
+
+    def without_mist(self, index: int) -> Image:
+        """A photograph [H, W, 3] without its mist, and nothing else done to it: not clipped."""
+        photograph = self._photograph(index).astype(np.float32) / 255
+        if not self.remove_mist:
+            return photograph
+        with one_thread():
+            return without_mist_on_lens(photograph, self._enhancer.network, self._lenses[index])
 
     def lens_mist(self, index: int) -> NetworkMist | None:
         """The mist that the network predicts on the lens of a photograph.
@@ -246,9 +249,7 @@ class EnhancedViews:
     def _clear(self, index: int) -> Path:
         path = self._kept / "clear" / f"{self._names[index]}.png"
         if not path.is_file():
-            photograph = self._photograph(index).astype(np.float32) / 255
-            if self.remove_mist:
-                photograph = without_mist_on_lens(photograph, self._enhancer.network, self._lenses[index])
+            photograph = self.without_mist(index)
             cover = resized(self._lens_covers.means[index], photograph.shape[:2])
             write_png(path, with_clear_pixels(self.image(index), photograph, cover))
         return path

@@ -95,8 +95,9 @@ class RainModel:
         if config.drops:
             mean_cover = self.occlusion.recurring_cover if self.occlusion else None
             self.drops = Drops(pictures, config.drops, hidden, mean_cover)
-        if config.rainfall and network and network.streaks_fall:
-            self.rainfall = Rainfall(images, network, config.rainfall.brightness)
+        if config.rainfall and network and network.tells_cover:
+            rainfall = Rainfall(images, network, config.rainfall.brightness)
+            self.rainfall = rainfall if rainfall.falls else None
 
     def counts(self, layer: str, iteration: int) -> bool:
         """Whether views are seen through MIST or DROPS in this step."""

@@ -58,7 +58,9 @@ def model_of(photographs, *network, **covers):
 
 def wet_model(views):
     """A model that a network supports in falling rain alone."""
-    return model_of(views[0], PretendedNetwork(views[2], streaks_fall=True))
+    covers = np.zeros((COUNT, *SIZE), np.float32)
+    covers[(slice(None), *DROP)] = 1
+    return model_of(views[0], PretendedNetwork(views[2], covers, photographs=views[0]))
 
 
 @pytest.fixture
@@ -178,7 +180,7 @@ def test_what_a_network_predicts_is_evidence_of_each_layer(views):
     covers = np.zeros((COUNT, *SIZE), np.float32)
     covers[(slice(None), *DROP)] = 0.8
     light = np.full((16, 16), 0.02, np.float32)
-    network = PretendedNetwork(photographs, covers, NetworkMist(light, light / 10))
+    network = PretendedNetwork(photographs, covers, NetworkMist(light, light / 10), photographs=photographs)
     alone, model = model_of(photographs), model_of(photographs, network, covers=network)
     assert model.mist.prior.deviation.mean() < alone.mist.prior.deviation.mean()
     assert model.occluded(3, SIZE)[DROP].mean() == pytest.approx(0.8, abs=0.01)

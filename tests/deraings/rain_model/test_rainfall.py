@@ -34,7 +34,9 @@ def rain_of(scene, layers, share=1.0, hidden=()):
     """Rain as found by a network that removes a share of the streaks."""
     photographs = np.stack([composite(view, layer, BETA) for view, layer in zip(scene, layers, strict=True)])
     left = np.stack([composite(view, (1 - share) * layer, BETA) for view, layer in zip(scene, layers, strict=True)])
-    return Rainfall(images_of(photographs, hidden), PretendedNetwork(left, hidden=hidden), BETA)
+    covers = np.zeros(layers.shape, np.float32)
+    network = PretendedNetwork(left, covers, hidden=hidden, photographs=photographs)
+    return Rainfall(images_of(photographs, hidden), network, BETA)
 
 
 def test_single_streaks_are_where_the_network_removes_them(scene, layers):
@@ -57,6 +59,7 @@ def test_where_the_network_changes_nothing_it_does_not_rain(scene, layers):
     rain = rain_of(scene, layers, share=0.0)
     assert rain.even_alpha == pytest.approx(0, abs=1e-3)
     assert rain.alpha(0, SIZE).max() < 0.02
+    assert not rain.falls
 
 
 def test_pictures_lighter_than_rain_show_none(layers):
@@ -86,13 +89,24 @@ def test_covers_are_shares_at_any_size(scene, layers):
         assert 0 <= alpha.min() <= alpha.max() <= MOST + 0.01
 
 
-@pytest.mark.parametrize("falls", [False, True])
-def test_rain_counts_only_where_the_network_predicts_streaks(scene, layers, falls):
-    """A network that removes mist or drops changes pictures as well."""
+@pytest.mark.parametrize("change", ["streaks", "drops", "mist"])
+def test_rain_counts_only_where_streaks_are_removed(scene, layers, change):
+    """A network that removes drops or mist changes pictures as well."""
     photographs = np.stack([composite(view, layer, BETA) for view, layer in zip(scene, layers, strict=True)])
-    network = PretendedNetwork(scene, streaks_fall=falls)
+    covers = np.full(layers.shape, 1.0 if change == "drops" else 0.0, np.float32)
+    network = PretendedNetwork(scene, covers, photographs=scene if change == "mist" else photographs)
     config = RainConfig(mist=None, drops=None, occlusion=None)
     model = RainModel(images_of(photographs), 100, config, network)
-    assert model.needed() == (["rain"] if falls else [])
-    assert bool(network.read) == falls
-    assert model.rain_alpha(0, SIZE).any() == falls
+    assert model.needed() == (["rain"] if change == "streaks" else [])
+    assert model.rain_alpha(0, SIZE).any() == (change == "streaks")
+
+
+def test_single_streaks_are_not_looked_for_in_drops(scene, layers):
+    covers = np.zeros(layers.shape, np.float32)
+    covers[:, :60] = 0.5
+    photographs = np.stack([composite(view, layer, BETA) for view, layer in zip(scene, layers, strict=True)])
+    rain = Rainfall(images_of(photographs), PretendedNetwork(scene, covers, photographs=photographs), BETA)
+    alpha = rain.alpha(4, SIZE)
+    assert rain.falls
+    assert alpha[:60] == pytest.approx(rain.even_alpha, abs=1 / 255)
+    assert alpha[70:].std() > 0.02

@@ -30,7 +30,7 @@ class PretendedNetwork:
         change: Callable[[int], float] = lambda _: 0.0,
         error: Plane | None = None,
         hidden: Sequence[NDArray[np.bool_] | None] = (),
-        streaks_fall: bool = False,
+        photographs: Sequence[NDArray[np.float32]] = (),
     ) -> None:
         """A network.
 
@@ -41,11 +41,11 @@ class PretendedNetwork:
             change: what it changes over its error, [0, 1], by view.
             error: that it expects of each picture [h, w].
             hidden: masks [H, W] of the photographs.
-            streaks_fall: whether it predicts streaks.
+            photographs: without their mist [H, W, 3].
         """
         self.pictures = [to_uint8(picture) for picture in pictures]
         self.covers, self.tells_cover, self.mist, self.error = covers, covers is not None, mist, error
-        self.change_over_error, self.hidden, self.streaks_fall = change, hidden, streaks_fall
+        self.change_over_error, self.hidden, self.photographs = change, hidden, photographs
         self.read = 0
 
     def small_drop_cover(self, view: int) -> Plane:
@@ -56,6 +56,9 @@ class PretendedNetwork:
         own = self.covers[view]
         others = [c for i, c in enumerate(self.covers) if i != view and c.shape == own.shape]
         return np.asarray(np.mean(others, axis=0), np.float32)
+
+    def without_mist(self, view: int) -> NDArray[np.float32]:
+        return self.photographs[view]
 
     def lens_mist(self, view: int) -> NetworkMist | None:
         return self.mist

@@ -21,7 +21,8 @@ def let_it_rain(objective, even, streaks=()):
     """An objective behind rain of median cover `even` and single streaks [N, H, W]; without rain if it is 0."""
     images = objective.images
     dry = [images.pixels(view) / np.float32(255) for view in range(len(images))]
-    rain = Rainfall(images, PretendedNetwork(dry), brightness=0.88)
+    covers = [np.zeros(picture.shape[:2], np.float32) for picture in dry]
+    rain = Rainfall(images, PretendedNetwork(dry, covers, photographs=dry), brightness=0.88)
     rain.even_alpha = even
     for view, deviation in enumerate(streaks):
         rain.alpha(view, deviation.shape)  # S alone, as the network changes nothing
