@@ -7,8 +7,8 @@ over the channels, away from predicted drops. D is alpha less its median in the 
 In dense rain, the network finds too little of S: it removes single streaks, and leaves most of the even layer that
 streaks add up to. The mean m and the standard deviation s of alpha over all views show how dense rain is. Sparse rain
 leaves most pixels dry, so that the median is far below the mean, and s is large. In dense rain streaks overlap: the
-median is about the mean, and s is small. The model is S / m = EVEN m^1.5 / s, at most MOST_OVER_MEAN. Rain falls if m
-is at least LEAST_MEAN.
+median is about the mean, and s is small. The network finds fewer streaks the more of the lens drops cover, whose share
+is w. The model is S / m = EVEN m^1.5 / (s (1 - w)), at most MOST_OVER_MEAN. Rain falls if m is at least LEAST_MEAN.
 """
 
 import cv2
@@ -56,9 +56,9 @@ class Rainfall:
         self.brightness = brightness
         self._images, self._network, self._dry = images, network, network.training_images()
         self._alphas: dict[int, NDArray[np.uint8]] = {}  # S + D [H, W], 255 for all, of views that were asked for
-        mean, deviation = self._moments()
+        mean, deviation, dry = self._moments()
         self.falls = mean >= LEAST_MEAN
-        self.even_alpha = mean * min(EVEN * mean**1.5 / max(deviation, 1e-6), MOST_OVER_MEAN)
+        self.even_alpha = mean * min(EVEN * mean**1.5 / max(deviation * dry, 1e-6), MOST_OVER_MEAN)
 
     def alpha(self, view: int, size: Size) -> Plane:
         """rain_alpha S + D [H, W] of a view at (height, width), in [0, MOST]."""
@@ -76,16 +76,18 @@ class Rainfall:
         shade(gradient, alpha, out)
         return out
 
-    def _moments(self) -> tuple[float, float]:
-        """m, 0 if it is less, and s of all views. The weight of a pixel is the square of its contrast to rain."""
-        sums = np.zeros(3)
+    def _moments(self) -> tuple[float, float, float]:
+        """m, or 0 if it is less, s and 1 - w. The weight of a pixel is the square of its contrast to rain."""
+        sums, counts = np.zeros(3), np.zeros(2)
         for view in tqdm(range(len(self._images)), desc="falling rain", unit="view", leave=False):
-            product, square, _ = self._toward_rain(view)
+            product, square, shown = self._toward_rain(view)
             sums += product.sum(), square.sum(), (product**2 / np.maximum(square, MIN_CONTRAST**2)).sum()
+            hidden = self._images.ignored(view)
+            counts += shown.sum(), shown.size if hidden is None else (~hidden).sum()
         if sums[0] <= 0:
-            return 0.0, 0.0
+            return 0.0, 0.0, 0.0
         mean, mean_square = sums[[0, 2]] / sums[1]
-        return float(mean), float(np.sqrt(max(mean_square - mean**2, 0)))
+        return float(mean), float(np.sqrt(max(mean_square - mean**2, 0))), float(counts[0] / counts[1])
 
     def _alpha(self, view: int) -> Plane:
         product, square, shown = self._toward_rain(view)
