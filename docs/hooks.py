@@ -42,7 +42,8 @@ PROGRAMS = (
 LESS_SOUGHT = "---\nsearch:\n  boost: 0.3\n---\n"  # a search finds what people wrote for readers first
 BOARD_SITE = "board/site"  # in the site, as `make docs` writes it
 NOTEBOOK = "experiments/"  # pages that neither the navigation nor a search shows
-CARD_PATTERNS = {"raindrop-1": "drops", "streak-1": "streaks"}  # medium patterns, which all methods were run on
+# Medium patterns; all methods were run behind windows, some in drops and streaks.
+CARD_PATTERNS = {"window-1": "window", "raindrop-1": "drops", "streak-1": "streaks"}
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', re.DOTALL)
 REQUEST = re.compile(r"<!-- generated: (\w+)((?: \S+)*) -->")
 PROFILES = ("demo", "standard", "paper")
@@ -149,7 +150,7 @@ def published_runs() -> pd.DataFrame:
 
 
 def card(method: str) -> str:
-    """A table of a method's published scores: a row a scene, PSNR and the difference to the floor under each pattern.
+    """A table of a method's published scores: a row a scene, PSNR and the difference to the floor under its patterns.
 
     Below the table stands a link to the method's page of the board, which `make docs` writes beside the site.
 
@@ -160,13 +161,14 @@ def card(method: str) -> str:
     own, floor = (runs[runs.method == name].set_index(["scene", "pattern"]) for name in (method, FLOOR))
     if own.empty:
         raise ValueError(f"a card of {method}: the board has no run of it")
-    heads = [f"{words} (`{pattern}`)" for pattern, words in CARD_PATTERNS.items()]
+    patterns = [pattern for pattern in CARD_PATTERNS if pattern in own.index.get_level_values("pattern")]
+    heads = [f"{CARD_PATTERNS[pattern]} (`{pattern}`)" for pattern in patterns]
     lines = [f"| `{method}` | {' | '.join(heads)} | seconds |", "|---" * (len(heads) + 2) + "|"]
     for scene in sorted(
         set(own.index.get_level_values("scene")), key=lambda name: (suite_of(name) == DEVELOPMENT, name)
     ):
         title = f"{scene} (development)" if suite_of(scene) == DEVELOPMENT else scene
-        cells = [score_cell(own.psnr, floor.psnr, (scene, pattern), method) for pattern in CARD_PATTERNS]
+        cells = [score_cell(own.psnr, floor.psnr, (scene, pattern), method) for pattern in patterns]
         lines.append(f"| {title} | {' | '.join(cells)} | {own.seconds[scene].mean():.0f} |")
     return "\n".join(
         [*lines, "", f'<p><a href="../{BOARD_SITE}/methods/{method_page(method)}">All scores on the board</a></p>']
