@@ -27,7 +27,7 @@ and a are left.
 
 Some views are kept from the scene at first, and a layer's gain is how much better it predicts them. Drops are left out
 for the rest of the training if their gain is below 2 standard errors, mist if its gain is below -2. Falling rain, which
-no other view predicts, counts if the network predicts streaks.
+no other view predicts, counts if its mean cover in the network's pictures is large enough.
 
     config.py             all settings
     objective.py          RainObjective: the steps, the enhanced photographs, the trial of the layers

@@ -25,8 +25,8 @@ from hydroviews.scene.images import Image, to_uint8
 # Light, medium and heavy rain of two generators on development scenes has an S of 0 to 0.17. The error is 0.02 at most.
 EVEN = 2.6
 MOST_OVER_MEAN = 2.0  # S over m, 1.5 at most in that rain
-# m from which rain falls. Development scenes: 0.036 and more in medium streaks, even behind drops or a window; 0.016 to
-# 0.062 in light streaks; 0.004 at most in dry views and medium drops, 0.014 behind heavy windows, 0.011 in fog.
+# m from which rain falls. On development scenes, light streaks have an m of 0.016 to 0.062. Medium streaks have 0.036
+# and more, even behind drops. Dry views and medium drops have 0.004 at most, fog 0.011, heavy windows 0.014.
 LEAST_MEAN = 0.02
 MOST = 0.95  # rain_alpha
 DROP = 0.1  # cover by drops from which a pixel shows no rain

@@ -30,10 +30,15 @@ def images_of(pictures, hidden=()):
     return TrainingImages(panorama.eight_bit(pictures), hidden)
 
 
+def rained_on(scene, layers):
+    """The scene [N, H, W, 3] with streaks [N, H, W] in front."""
+    return np.stack([composite(view, layer, BETA) for view, layer in zip(scene, layers, strict=True)])
+
+
 def rain_of(scene, layers, share=1.0, hidden=()):
     """Rain as found by a network that removes a share of the streaks."""
-    photographs = np.stack([composite(view, layer, BETA) for view, layer in zip(scene, layers, strict=True)])
-    left = np.stack([composite(view, (1 - share) * layer, BETA) for view, layer in zip(scene, layers, strict=True)])
+    photographs = rained_on(scene, layers)
+    left = rained_on(scene, (1 - share) * layers)
     covers = np.zeros(layers.shape, np.float32)
     network = PretendedNetwork(left, covers, hidden=hidden, photographs=photographs)
     return Rainfall(images_of(photographs, hidden), network, BETA)
@@ -92,7 +97,7 @@ def test_covers_are_shares_at_any_size(scene, layers):
 @pytest.mark.parametrize("change", ["streaks", "drops", "mist"])
 def test_rain_counts_only_where_streaks_are_removed(scene, layers, change):
     """A network that removes drops or mist changes pictures as well."""
-    photographs = np.stack([composite(view, layer, BETA) for view, layer in zip(scene, layers, strict=True)])
+    photographs = rained_on(scene, layers)
     covers = np.full(layers.shape, 1.0 if change == "drops" else 0.0, np.float32)
     network = PretendedNetwork(scene, covers, photographs=scene if change == "mist" else photographs)
     config = RainConfig(mist=None, drops=None, occlusion=None)
@@ -104,7 +109,7 @@ def test_rain_counts_only_where_streaks_are_removed(scene, layers, change):
 def test_single_streaks_are_not_looked_for_in_drops(scene, layers):
     covers = np.zeros(layers.shape, np.float32)
     covers[:, :60] = 0.5
-    photographs = np.stack([composite(view, layer, BETA) for view, layer in zip(scene, layers, strict=True)])
+    photographs = rained_on(scene, layers)
     rain = Rainfall(images_of(photographs), PretendedNetwork(scene, covers, photographs=photographs), BETA)
     alpha = rain.alpha(4, SIZE)
     assert rain.falls

@@ -25,7 +25,6 @@ def let_it_rain(objective, even, streaks=()):
     rain = Rainfall(images, PretendedNetwork(dry, covers, photographs=dry), brightness=0.88)
     rain.even_alpha = even
     for view, deviation in enumerate(streaks):
-        rain.alpha(view, deviation.shape)  # S alone, as the network changes nothing
         rain._alphas[view] = (255 * np.clip(even + deviation, 0, 1)).astype(np.uint8)
     objective.model.rainfall = rain if even else None
     return objective
