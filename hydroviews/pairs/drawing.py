@@ -21,12 +21,17 @@ from hydroviews.pairs.windows import draw_window_pane
 from hydroviews.rain.lens.patterns.window import WindowPattern
 from hydroviews.rain.streaks import recipe as streaks
 from hydroviews.rain.streaks.severity import BRIGHTEST, FEWEST, MOST
-from hydroviews.scene.images import Image
+from hydroviews.scene.images import Image, to_uint8
 
-# Shares of pairs by family of rain: the data set's own `window`, `raindrop` and `streak`; `pane` and `lines` of other
-# recipes, and `mixed` of both; and no rain.
-KINDS = {"window": 0.12, "raindrop": 0.17, "streak": 0.11, "pane": 0.28, "lines": 0.12, "mixed": 0.1, "clean": 0.1}
-PARTS = {"mixed": ("pane", "lines")}  # families that a kind of rain is made of
+LENS, FALL = ("window", "raindrop", "pane"), ("streak", "lines")  # families of rain on the lens, and of falling rain
+# Shares of pairs by kind of rain. A kind names a family, or one of either sort: the data set's own `window`, `raindrop`
+# and `streak`, `pane` and `lines` of other recipes. Falling rain is behind the lens; `clean` has no rain.
+KINDS = {
+    **{"window": 0.09, "window+streak": 0.03, "window+lines": 0.03},
+    **{"raindrop": 0.12, "raindrop+streak": 0.03, "raindrop+lines": 0.03},
+    **{"pane": 0.24, "pane+streak": 0.03, "pane+lines": 0.06},
+    **{"streak": 0.11, "lines": 0.13, "clean": 0.1},
+}
 DROPS_ALONE, MIST_ALONE = 0.2, 0.15  # shares of the panes with drops or mist alone, for each to be learned apart
 BRIGHTER = 0.4  # share of the streaks brighter than the recipe's 0.8, as heavy grades have them
 
@@ -45,17 +50,17 @@ def shares_without(*families: str, shares: Mapping[str, float] = KINDS) -> dict[
     """Shares of the kinds of rain that are left, and add up to 1, without families and all that is made of them.
 
     Args:
-        families: kinds of rain.
+        families: of rain, such as pane or lines.
         shares: of all kinds.
 
     Raises:
         InputError: no such family, or nothing is left.
     """
-    unknown = [name for name in families if name not in shares]
-    left = {name: share for name, share in shares.items() if not {name, *PARTS.get(name, ())} & set(families)}
+    unknown = set(families) - {family for kind in shares for family in kind.split("+")}
+    left = {kind: share for kind, share in shares.items() if not set(kind.split("+")) & set(families)}
     if unknown or not left:
-        found, expected = ", ".join(unknown or families), f"some of {', '.join(shares)}, but not all"
-        raise InputError("families of rain to leave out", found=found, expected=expected)
+        found = ", ".join(sorted(unknown or families))
+        raise InputError("families of rain to leave out", found=found, expected="families of rain, but not all")
     whole = sum(left.values())
     return {name: share / whole for name, share in left.items()}
 
@@ -81,27 +86,49 @@ def draw_rain(
     """
     height, width = photograph.shape[:2]
     companions = np.zeros((0, height // 2, width // 2, 3), np.uint8) if companions is None else companions
-    clean, seen = photograph.astype(np.float32) / 255, companions.astype(np.float32) / 255
-    rainy, cover, mist = clean, np.zeros_like(clean), np.zeros((height, width, 4), np.float32)
-    if kind == "raindrop":
-        lens = drawn_lens(lenses, False, rng)
-        rainy, cover[..., 1], mist, seen = wet_lens(photograph, air_light(LINEAR[photograph]), lens, rng, companions)
-        cover[..., 2] = mist[..., 0]
-    if kind == "window":
-        lens, alone = drawn_lens(lenses, True, rng), draw_parts(rng)
-        window, half = draw_window_pane(lens, air_light(LINEAR[photograph]), rng, *alone)
-        rainy, seen, mist = window.over(clean), each(half.over, seen), window.mist()
-        cover[..., 1], cover[..., 2] = window.mask, window.veil
-    if kind in ("pane", "mixed"):
-        pane = draw_pane(rng, width, height, *draw_parts(rng))
-        rainy, seen, mist = pane.over(clean), each(pane.half().over, seen), pane.mist()
-        cover[..., 1], cover[..., 2] = pane.cover, pane.veil
-    if kind in ("streak", "lines", "mixed"):
-        fall = own_streaks(rng, width, height) if kind == "streak" else draw_lines(rng, width, height)
-        cover[..., 0], mist = fall.layers[0], np.full_like(mist, np.nan)
-        cover[..., 2] += fall.veil * (1 - cover[..., 2])
+    clean = photograph.astype(np.float32) / 255
+    rainy, seen, cover = clean, companions.astype(np.float32) / 255, np.zeros_like(clean)
+    mist = np.zeros((height, width, 4), np.float32)
+    families = kind.split("+")
+    if falls := [family for family in families if family in FALL]:
+        fall = own_streaks(rng, width, height) if falls == ["streak"] else draw_lines(rng, width, height)
         rainy, seen = fall.over(rainy, fall.layers[0]), fall.over_all(seen, rng)
-    return Pair(rainy, clean, cover, mist, seen)
+        cover[..., 0], cover[..., 2] = fall.layers[0], fall.veil
+    if wets := [family for family in families if family in LENS]:
+        air = air_light(LINEAR[photograph])
+        rainy, drops, veil, mist, seen = behind_lens(rainy, wets[0], lenses, air, rng, seen)
+        cover[..., 0] *= 1 - drops
+        cover[..., 1], cover[..., 2] = drops, cover[..., 2] + veil * (1 - cover[..., 2])
+    return Pair(rainy, clean, cover, np.full_like(mist, np.nan) if falls else mist, seen)
+
+
+def behind_lens(
+    picture: Image,
+    family: str,
+    lenses: Sequence[WetLens],
+    air: NDArray[np.float32],
+    rng: np.random.Generator,
+    companions: NDArray[np.float32],
+) -> tuple[Image, NDArray[np.float32], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    """A picture [H, W, 3] and its companions [K, H / 2, W / 2, 3] behind drops and mist of a family of LENS.
+
+    Returns:
+        The picture, its cover by drops [H, W] and by mist [H, W], the mist as in `Pair`, the companions.
+
+    Raises:
+        ValueError: no lens of the family.
+    """
+    height, width = picture.shape[:2]
+    if family == "raindrop":
+        lens = drawn_lens(lenses, False, rng)
+        rainy, drops, mist, seen = wet_lens(to_uint8(picture), air, lens, rng, to_uint8(companions))
+        return rainy, drops, mist[..., 0], mist, seen
+    if family == "window":
+        lens, alone = drawn_lens(lenses, True, rng), draw_parts(rng)
+        window, half = draw_window_pane(lens, air, rng, *alone)
+        return window.over(picture), window.mask, window.veil, window.mist(), each(half.over, companions)
+    pane = draw_pane(rng, width, height, *draw_parts(rng))
+    return pane.over(picture), pane.cover, pane.veil, pane.mist(), each(pane.half().over, companions)
 
 
 def each(change: Callable[[Image], Image], pictures: NDArray[np.float32]) -> NDArray[np.float32]:

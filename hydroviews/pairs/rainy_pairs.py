@@ -13,7 +13,7 @@ from hydroviews.pairs.mist_alone import draw_mist_alone
 from hydroviews.pairs.photographs import Bytes, Frame
 from hydroviews.pairs.raindrops import OWN_MIST
 
-OWN, RECIPES = {"window", "raindrop"}, {"pane", "mixed"}  # kinds of rain with the data set's mist, and with other
+OWN, RECIPES = {"window", "raindrop"}, {"pane"}  # families of rain with the data set's mist, and with other
 
 
 class DrawnRain:
@@ -62,7 +62,8 @@ class DrawnRain:
         sides = self._photographs[rng.integers(len(self._photographs))]
         height, width = next(iter(sides.values())).shape[:2]
         pictures = self._capture(sides, rng).pictures(count, (width, height), (side, side), rng)
-        own, recipes = (bool(some & self._kinds.keys()) for some in (OWN, RECIPES))
+        families = {family for kind in self._kinds for family in kind.split("+")}
+        own, recipes = (bool(some & families) for some in (OWN, RECIPES))
         return draw_mist_alone(pictures, rng, OWN_MIST if own == recipes else float(own))
 
     def _capture(self, sides: dict[int, Bytes], rng: np.random.Generator) -> Capture:

@@ -3,7 +3,7 @@ import pytest
 from wet import HEIGHT, WIDTH, lens, photograph
 
 from hydroviews.errors import InputError
-from hydroviews.pairs.drawing import KINDS, draw_rain, shares_without
+from hydroviews.pairs.drawing import FALL, KINDS, LENS, draw_rain, shares_without
 from hydroviews.pairs.exposure import LINEAR, air_light
 from hydroviews.pairs.photographs import fit_frame, frame_of, frames, read_photographs, split_photographs
 from hydroviews.pairs.raindrops import draw_mist, wet_lens
@@ -17,7 +17,7 @@ NONE = np.zeros((0, HEIGHT // 2, WIDTH // 2, 3), np.uint8)  # companions
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_rain_changes_what_it_should(kind, lenses):
-    falls, wets = kind in ("streak", "lines", "mixed"), kind in ("window", "raindrop", "pane", "mixed")
+    falls, wets = (bool(set(kind.split("+")) & set(families)) for families in (FALL, LENS))
     drops = mists = 0
     for seed in range(12):
         rainy, clean, cover, mist, companions = draw_rain(photograph(), kind, lenses, generator(seed, kind))
@@ -70,14 +70,14 @@ def test_shares_add_up_and_families_can_be_left_out():
     own = {name: KINDS[name] for name in ("window", "raindrop", "streak")}
     assert sum(own.values()) <= 0.4 + 1e-9
     left = shares_without("pane")
-    assert left.keys() == KINDS.keys() - {"pane", "mixed"}
+    assert left.keys() == KINDS.keys() - {"pane", "pane+streak", "pane+lines"}
     assert sum(left.values()) == pytest.approx(1)
     assert left["window"] / left["clean"] == pytest.approx(KINDS["window"] / KINDS["clean"])
     assert shares_without() == pytest.approx(KINDS)
     with pytest.raises(InputError, match="fog"):
         shares_without("fog")
     with pytest.raises(InputError, match="not all"):
-        shares_without(*KINDS)
+        shares_without(*LENS, *FALL, "clean")
 
 
 def test_mist_is_composited_in_linear_light_with_the_light_of_the_air():
