@@ -25,11 +25,12 @@ from deraings.enhancement.training.pairs import Batches
 from deraings.enhancement.training.training import EnhancementTraining
 from deraings.enhancement.validation.pictures import FAMILIES, validation_set
 from deraings.enhancement.validation.scores import scores
+from hydroviews.pairs.drawing import FALL, LENS
 from hydroviews.pairs.photographs import LONG_SIDES
 from hydroviews.rain.patterns import Pattern
 
 MEDIUM = tuple(Pattern(effect, 1) for effect in ("window", "raindrop", "streak"))
-LEFT_OUT = "window", "raindrop", "streak", *FAMILIES
+LEFT_OUT = *LENS, *FALL
 
 
 @dataclass(frozen=True)
