@@ -20,7 +20,7 @@ from hydroviews.dataset.build import build
 from hydroviews.dataset.drop_masks import write_drop_masks
 from hydroviews.dataset.manifest import MANIFEST
 from hydroviews.dataset.request import REQUEST
-from hydroviews.dataset.sharing.fetched import find_fetched
+from hydroviews.dataset.sharing.fetched import find_fetched, unfit
 from hydroviews.errors import InputError, unknown_name
 from hydroviews.files.atomic import is_there, read_json
 from hydroviews.files.locks import BUSY, locked
@@ -181,8 +181,11 @@ def build_source(
     fetched = None if fresh else find_fetched(source, out, named, usual, long_side, seed, lens_renderer)
     if fetched:
         return fetched
-    views = profile.embedded_views
-    scene = _beside(RESERVED, find_capture(source, out / RENDERED, views, long_side, captures, render=render))
+    try:
+        found = find_capture(source, out / RENDERED, profile.embedded_views, long_side, captures, render=render)
+    except InputError as error:
+        raise unfit(source, out) or error from error
+    scene = _beside(RESERVED, found)
     for note in scene.notes:
         logger.info("%s: %s", scene.name, note)
     with locked(out / scene.name, BUSY):

@@ -5,8 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from hydroviews.dataset.checks.repair import damaged_files, drop_or_refuse
+from hydroviews.dataset.clean_views import CLEAN
 from hydroviews.dataset.manifest import read_manifest
 from hydroviews.dataset.variants import is_captured
+from hydroviews.errors import InputError
 from hydroviews.rain.patterns import Pattern
 
 FETCHED = "fetched"  # a fact of the manifest: true where the whole scene came from archives
@@ -44,6 +46,19 @@ def find_fetched(
             damaged = damaged_files(data / name, entry, wanted, described=False)
             drop_or_refuse(data / name, damaged, repair=False, repairable=False)
             return data / name
+    return None
+
+
+def unfit(source: str, data: Path) -> InputError | None:
+    """What to say if a fetched scene of that name does not fit and its capture is not here; None if there is none."""
+    for name, entry in read_manifest(data)["scenes"].items():
+        if entry.get(FETCHED) and source in _called(name, entry):
+            patterns = ", ".join((CLEAN, *entry["patterns"]))
+            return InputError(
+                f"{data / name}: the downloaded scene does not have what is wanted, and its capture is not here",
+                found=f"{patterns}, {entry.get('long_side')} pixels, seed {entry.get('seed')}",
+                fix="ask for what is there, or put the capture here to build the rest",
+            )
     return None
 
 
