@@ -107,12 +107,23 @@ def _in_two_folders(rainy_folder: Path, clean_folder: Path) -> Pictures:
 
 
 def _by_prefix(folder: Path, photographs: Files, parts: Mapping[str, re.Match[str] | None]) -> Pictures | None:
-    """The photographs by what their names begin with; None unless all do, some with clutter, not all."""
+    """The photographs by what their names begin with; None unless all do, some with clutter, not all.
+
+    Raises:
+        InputError: two photographs whose names differ in the number in front of them only.
+    """
     found: dict[str, dict[str, Path]] = {CLUTTER: {}, CLEAN: {}, EXTRA: {}}
     for key, part in parts.items():
         if part is None:
             return None
-        found[part[1]][f"{PurePosixPath(key).parent}/{part[2]}"] = photographs[key]
+        shared = f"{PurePosixPath(key).parent}/{part[2]}"
+        if twin := found[part[1]].get(shared):
+            raise InputError(
+                f"{folder}: two {part[1]} photographs of one name but for the number in front of it",
+                found=f"{twin.name}, {photographs[key].name}",
+                fix="move one of the two sets to another folder, or rename it",
+            )
+        found[part[1]][shared] = photographs[key]
     if not found[CLUTTER] or not (found[CLEAN] or found[EXTRA]):
         return None
     return Pictures((folder,), found[CLUTTER], found[CLEAN], photographs, found[EXTRA])

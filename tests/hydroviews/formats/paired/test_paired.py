@@ -213,6 +213,12 @@ def test_clutter_is_trained_on_and_extra_held_out(tmp_path, number):
     assert read_scene(folder).split.test == ("clean04", "clean05")
 
 
+def test_two_clutter_photographs_of_one_name_but_for_their_number_are_refused(tmp_path):
+    kinds = {"1clutter": NAMES[:4], "2clutter": NAMES[3:6], "extra": NAMES[6:]}
+    with pytest.raises(InputError, match=r"two clutter photographs[\s\S]*1clutter03.png, 2clutter03.png"):
+        read_scene(renamed(paired_capture(tmp_path / "statue"), kinds))
+
+
 def test_clean_without_a_camera_is_the_clean_one_of_the_same_clutter(tmp_path):
     kinds = {"clean": NAMES[:5], "clutter": NAMES[:5], "extra": NAMES[5:]}
     scene = read_scene(renamed(paired_capture(tmp_path / "statue"), kinds, without="clean"))
