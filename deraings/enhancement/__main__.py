@@ -179,7 +179,7 @@ def validate_command(
         pictures: number of photographs per folder, 0 for all.
         companions: numbers of other photographs of the lens, with one table for each.
         patterns: further rain, such as storm-1 for medium storms.
-        families: further rain from the training's recipes: pane, lines, pane+lines.
+        families: further rain from the training's recipes: pane, lines, lines+pane.
         side: longer side of the pictures in pixels.
         plot: an .svg file for predicted against true errors, by kind of rain, with the most companions.
 

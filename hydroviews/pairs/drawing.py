@@ -23,13 +23,13 @@ from hydroviews.rain.streaks import recipe as streaks
 from hydroviews.rain.streaks.severity import BRIGHTEST, FEWEST, MOST
 from hydroviews.scene.images import Image, to_uint8
 
-LENS, FALL = ("window", "raindrop", "pane"), ("streak", "lines")  # families of rain on the lens, and of falling rain
-# Shares of pairs by kind of rain. A kind names a family, or one of either sort: the data set's own `window`, `raindrop`
-# and `streak`, `pane` and `lines` of other recipes. Falling rain is behind the lens; `clean` has no rain.
+FALL, LENS = ("streak", "lines"), ("window", "raindrop", "pane")  # families of falling rain, and of rain on the lens
+# Shares of pairs by kind of rain: the families that the light passes, one after the other. `streak`, `window` and
+# `raindrop` are the data set's own, `lines` and `pane` are other recipes, `clean` is no rain.
 KINDS = {
-    **{"window": 0.09, "window+streak": 0.03, "window+lines": 0.03},
-    **{"raindrop": 0.12, "raindrop+streak": 0.03, "raindrop+lines": 0.03},
-    **{"pane": 0.24, "pane+streak": 0.03, "pane+lines": 0.06},
+    **{"window": 0.09, "streak+window": 0.03, "lines+window": 0.03},
+    **{"raindrop": 0.12, "streak+raindrop": 0.03, "lines+raindrop": 0.03},
+    **{"pane": 0.24, "streak+pane": 0.03, "lines+pane": 0.06},
     **{"streak": 0.11, "lines": 0.13, "clean": 0.1},
 }
 DROPS_ALONE, MIST_ALONE = 0.2, 0.15  # shares of the panes with drops or mist alone, for each to be learned apart
@@ -86,49 +86,54 @@ def draw_rain(
     """
     height, width = photograph.shape[:2]
     companions = np.zeros((0, height // 2, width // 2, 3), np.uint8) if companions is None else companions
-    clean = photograph.astype(np.float32) / 255
-    rainy, seen, cover = clean, companions.astype(np.float32) / 255, np.zeros_like(clean)
-    mist = np.zeros((height, width, 4), np.float32)
-    families = kind.split("+")
-    if falls := [family for family in families if family in FALL]:
-        fall = own_streaks(rng, width, height) if falls == ["streak"] else draw_lines(rng, width, height)
-        rainy, seen = fall.over(rainy, fall.layers[0]), fall.over_all(seen, rng)
-        cover[..., 0], cover[..., 2] = fall.layers[0], fall.veil
-    if wets := [family for family in families if family in LENS]:
-        air = air_light(LINEAR[photograph])
-        rainy, drops, veil, mist, seen = behind_lens(rainy, wets[0], lenses, air, rng, seen)
-        cover[..., 0] *= 1 - drops
-        cover[..., 1], cover[..., 2] = drops, cover[..., 2] + veil * (1 - cover[..., 2])
-    return Pair(rainy, clean, cover, np.full_like(mist, np.nan) if falls else mist, seen)
+    clean, seen = photograph.astype(np.float32) / 255, companions.astype(np.float32) / 255
+    pair = Pair(clean, clean, np.zeros_like(clean), np.zeros((height, width, 4), np.float32), seen)
+    for family in kind.split("+"):
+        if family in FALL:
+            pair = behind_falling_rain(pair, family, rng)
+        if family in LENS:
+            pair = behind_lens(pair, family, lenses, air_light(LINEAR[photograph]), rng)
+    return pair
+
+
+def behind_falling_rain(pair: Pair, family: str, rng: np.random.Generator) -> Pair:
+    """The pair with falling rain, of a family of FALL, in front of it.
+
+    The mist is unknown then: dense streaks act as mist, which no plane holds.
+    """
+    height, width = pair.clean.shape[:2]
+    fall = own_streaks(rng, width, height) if family == "streak" else draw_lines(rng, width, height)
+    rainy, seen = fall.over(pair.rainy, fall.layers[0]), fall.over_all(pair.companions, rng)
+    none = np.zeros_like(fall.layers[0])
+    cover = np.stack([fall.layers[0], none, np.full_like(none, fall.veil)], axis=-1)
+    return pair._replace(rainy=rainy, cover=cover, mist=np.full_like(pair.mist, np.nan), companions=seen)
 
 
 def behind_lens(
-    picture: Image,
-    family: str,
-    lenses: Sequence[WetLens],
-    air: NDArray[np.float32],
-    rng: np.random.Generator,
-    companions: NDArray[np.float32],
-) -> tuple[Image, NDArray[np.float32], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-    """A picture [H, W, 3] and its companions [K, H / 2, W / 2, 3] behind drops and mist of a family of LENS.
-
-    Returns:
-        The picture, its cover by drops [H, W] and by mist [H, W], the mist as in `Pair`, the companions.
+    pair: Pair, family: str, lenses: Sequence[WetLens], air: NDArray[np.float32], rng: np.random.Generator
+) -> Pair:
+    """The pair with drops and mist, of a family of LENS, in front of it; `air` is linear light [3].
 
     Raises:
         ValueError: no lens of the family.
     """
-    height, width = picture.shape[:2]
+    height, width = pair.clean.shape[:2]
     if family == "raindrop":
         lens = drawn_lens(lenses, False, rng)
-        rainy, drops, mist, seen = wet_lens(to_uint8(picture), air, lens, rng, to_uint8(companions))
-        return rainy, drops, mist[..., 0], mist, seen
-    if family == "window":
+        rainy, drops, mist, seen = wet_lens(to_uint8(pair.rainy), air, lens, rng, to_uint8(pair.companions))
+        veil = mist[..., 0]
+    elif family == "window":
         lens, alone = drawn_lens(lenses, True, rng), draw_parts(rng)
         window, half = draw_window_pane(lens, air, rng, *alone)
-        return window.over(picture), window.mask, window.veil, window.mist(), each(half.over, companions)
-    pane = draw_pane(rng, width, height, *draw_parts(rng))
-    return pane.over(picture), pane.cover, pane.veil, pane.mist(), each(pane.half().over, companions)
+        rainy, seen, mist = window.over(pair.rainy), each(half.over, pair.companions), window.mist()
+        drops, veil = window.mask, window.veil
+    else:
+        pane = draw_pane(rng, width, height, *draw_parts(rng))
+        rainy, seen, mist = pane.over(pair.rainy), each(pane.half().over, pair.companions), pane.mist()
+        drops, veil = pane.cover, pane.veil
+    streaks, _, haze = np.moveaxis(pair.cover, -1, 0)
+    cover = np.stack([streaks * (1 - drops), drops, veil + haze * (1 - veil)], axis=-1)
+    return pair._replace(rainy=rainy, cover=cover, mist=pair.mist + mist, companions=seen)  # NaN where rain falls
 
 
 def each(change: Callable[[Image], Image], pictures: NDArray[np.float32]) -> NDArray[np.float32]:

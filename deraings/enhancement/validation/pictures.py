@@ -36,7 +36,7 @@ from hydroviews.scene.seeds import generator
 
 LONG_SIDE = 384  # pixels of the validation pictures
 RARITY, DETAIL = 0.06, 0.0017  # medians of the benchmark's embedded scenes, LLFF flower and Mip-NeRF 360 bonsai
-FAMILIES = "pane", "lines", "pane+lines"  # of the recipes, which need no lens
+FAMILIES = "pane", "lines", "lines+pane"  # of the recipes, which need no lens
 PATTERNS = tuple(Pattern(effect, index) for effect in ("streak", "raindrop", "window") for index in range(len(GRADES)))
 
 
