@@ -5,10 +5,8 @@
 A photograph I without its mist and its enhanced picture E have the cover alpha = (I - E) . (beta - E) / |beta - E|^2,
 over the channels, away from predicted drops. D is alpha less its median in the view. S is the median cover of all rain.
 In dense rain, the network finds too little of S: it removes single streaks, and leaves most of the even layer that
-streaks add up to. The mean m and the standard deviation s of alpha over all views show how dense rain is. Sparse rain
-leaves most pixels dry, so that the median is far below the mean, and s is large. In dense rain streaks overlap: the
-median is about the mean, and s is small. The network finds fewer streaks the more of the lens drops cover, whose share
-is w. The model is S / m = EVEN m^1.5 / (s (1 - w)), at most MOST_OVER_MEAN. Rain falls if m is at least LEAST_MEAN.
+streaks add up to. In sparse rain most pixels are dry, so that S is far below the mean m of alpha over all views. Streaks
+overlap in proportion to m^2: the model is S = EVEN m^2, at most MOST_OVER_MEAN m. Rain falls if m is at least LEAST_MEAN.
 """
 
 import cv2
@@ -22,12 +20,13 @@ from deraings.image_planes import Plane, resized
 from deraings.rain_model.kernels import behind_rain, shade
 from hydroviews.scene.images import Image, to_uint8
 
-# Light, medium and heavy rain of two generators on development scenes has an S of 0 to 0.17. The error is 0.02 at most.
-EVEN = 2.6
-MOST_OVER_MEAN = 2.0  # S over m, 1.5 at most in that rain
-# m from which rain falls. On development scenes, light streaks have an m of 0.016 to 0.062. Medium streaks have 0.036
-# and more, even behind drops. Dry views and medium drops have 0.004 at most, fog 0.011, heavy windows 0.014.
-LEAST_MEAN = 0.02
+# Light, medium and heavy rain of two generators on development scenes has an S of 0 to 0.17. The root mean square error
+# is 0.02.
+EVEN = 10.0
+MOST_OVER_MEAN = 2.0  # S over m, 1.6 at most in that rain
+# m from which rain falls. On development scenes, light streaks have an m of 0.018 to 0.058. Medium streaks have 0.046
+# and more, even behind drops. Dry views and medium drops have 0.005 at most, fog and heavy windows 0.016.
+LEAST_MEAN = 0.025
 MOST = 0.95  # rain_alpha
 DROP = 0.1  # cover by drops from which a pixel shows no rain
 BESIDE = np.ones((5, 5), np.uint8)  # of a pixel of the cover; drops change what is beside them
@@ -56,9 +55,9 @@ class Rainfall:
         self.brightness = brightness
         self._images, self._network, self._dry = images, network, network.training_images()
         self._alphas: dict[int, NDArray[np.uint8]] = {}  # S + D [H, W], 255 for all, of views that were asked for
-        mean, deviation, dry = self._moments()
+        mean = self._mean()
         self.falls = mean >= LEAST_MEAN
-        self.even_alpha = mean * min(EVEN * mean**1.5 / max(deviation * dry, 1e-6), MOST_OVER_MEAN)
+        self.even_alpha = mean * min(EVEN * mean, MOST_OVER_MEAN)
 
     def alpha(self, view: int, size: Size) -> Plane:
         """rain_alpha S + D [H, W] of a view at (height, width), in [0, MOST]."""
@@ -76,18 +75,13 @@ class Rainfall:
         shade(gradient, alpha, out)
         return out
 
-    def _moments(self) -> tuple[float, float, float]:
-        """m, or 0 if it is less, s and 1 - w. The weight of a pixel is the square of its contrast to rain."""
-        sums, counts = np.zeros(3), np.zeros(2)
+    def _mean(self) -> float:
+        """m, or 0 if it is less. The weight of a pixel is the square of its contrast to rain."""
+        found = contrast = 0.0
         for view in tqdm(range(len(self._images)), desc="falling rain", unit="view", leave=False):
-            product, square, shown = self._toward_rain(view)
-            sums += product.sum(), square.sum(), (product**2 / np.maximum(square, MIN_CONTRAST**2)).sum()
-            hidden = self._images.ignored(view)
-            counts += shown.sum(), shown.size if hidden is None else (~hidden).sum()
-        if sums[0] <= 0:
-            return 0.0, 0.0, 0.0
-        mean, mean_square = sums[[0, 2]] / sums[1]
-        return float(mean), float(np.sqrt(max(mean_square - mean**2, 0))), float(counts[0] / counts[1])
+            product, square, _ = self._toward_rain(view)
+            found, contrast = found + float(product.sum()), contrast + float(square.sum())
+        return max(found, 0) / contrast if contrast else 0.0
 
     def _alpha(self, view: int) -> Plane:
         product, square, shown = self._toward_rain(view)
