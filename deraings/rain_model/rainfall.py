@@ -6,8 +6,8 @@ A photograph I without its mist and its enhanced picture E have the cover alpha 
 over the channels, away from predicted drops. D is alpha less its median in the view. S is the median cover of all rain.
 In dense rain, the network finds too little of S: it removes single streaks, and leaves most of the even layer that
 streaks add up to. In sparse rain most pixels are dry, so that S is far below the mean m of alpha over all views. Pixels
-behind two streaks grow with m^2: the model is S = EVEN m^2, at most MOST_OVER_MEAN m. Rain falls if m is at least
-LEAST_MEAN.
+behind two streaks grow with m^2. The network finds fewer streaks the more of the lens drops cover, whose share is w. The
+model is S = EVEN m^2 / sqrt(1 - w), at most MOST_OVER_MEAN m. Rain falls if m is at least LEAST_MEAN.
 """
 
 import cv2
@@ -56,9 +56,9 @@ class Rainfall:
         self.brightness = brightness
         self._images, self._network, self._dry = images, network, network.training_images()
         self._alphas: dict[int, NDArray[np.uint8]] = {}  # S + D [H, W], 255 for all, of views that were asked for
-        mean = self._mean()
+        mean, shown = self._mean()
         self.falls = mean >= LEAST_MEAN
-        self.even_alpha = mean * min(EVEN * mean, MOST_OVER_MEAN)
+        self.even_alpha = mean * min(EVEN * mean / max(shown**0.5, 1e-6), MOST_OVER_MEAN)
 
     def alpha(self, view: int, size: Size) -> Plane:
         """rain_alpha S + D [H, W] of a view at (height, width), in [0, MOST]."""
@@ -76,13 +76,16 @@ class Rainfall:
         shade(gradient, alpha, out)
         return out
 
-    def _mean(self) -> float:
-        """m, or 0 if it is less. The weight of a pixel is the square of its contrast to rain."""
-        found = contrast = 0.0
+    def _mean(self) -> tuple[float, float]:
+        """m, or 0 if it is less, and 1 - w. The weight of a pixel is the square of its contrast to rain."""
+        sums, counts = np.zeros(2), np.zeros(2)
         for view in tqdm(range(len(self._images)), desc="falling rain", unit="view", leave=False):
-            product, square, _ = self._toward_rain(view)
-            found, contrast = found + float(product.sum()), contrast + float(square.sum())
-        return max(found, 0) / contrast if contrast else 0.0
+            product, square, shown = self._toward_rain(view)
+            hidden = self._images.ignored(view)
+            sums += product.sum(), square.sum()
+            counts += shown.sum(), shown.size if hidden is None else (~hidden).sum()
+        mean, share = sums[0] / sums[1] if sums[1] else 0.0, counts[0] / counts[1] if counts[1] else 0.0
+        return max(float(mean), 0.0), float(share)
 
     def _alpha(self, view: int) -> Plane:
         product, square, shown = self._toward_rain(view)
