@@ -6,8 +6,8 @@ A photograph I without its mist and its enhanced picture E have the cover alpha 
 over the channels, away from predicted drops. D is alpha less its median in the view. S is the median cover of all rain.
 In dense rain, the network finds too little of S: it removes single streaks, and leaves most of the even layer that
 streaks add up to. In sparse rain most pixels are dry, so that S is far below the mean m of alpha over all views. Pixels
-behind two streaks grow with m^2. The network finds fewer streaks the more of the lens drops cover, whose share is w. The
-model is S = EVEN m^2 / sqrt(1 - w), at most MOST_OVER_MEAN m. Rain falls if m is at least LEAST_MEAN.
+behind two streaks grow with m^2. The network finds fewer streaks the more of the lens drops cover: their share is w.
+The model is S = EVEN m^2 / sqrt(1 - w), at most MOST_OVER_MEAN m. Rain falls if m is at least LEAST_MEAN.
 """
 
 import cv2
