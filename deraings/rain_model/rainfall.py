@@ -7,7 +7,8 @@ over the channels, away from predicted drops. D is alpha less its median in the 
 In dense rain, the network finds too little of S: it removes single streaks, and leaves most of the even layer that
 streaks add up to. In sparse rain most pixels are dry, so that S is far below the mean m of alpha over all views. Pixels
 behind two streaks grow with m^2. The network finds fewer streaks the more of the lens drops cover: their share is w.
-The model is S = EVEN m^2 / sqrt(1 - w), at most MOST_OVER_MEAN m. Rain falls if m is at least LEAST_MEAN.
+The model is S = EVEN m^2 / sqrt(1 - w), at most MOST_OVER_MEAN m. Rain falls if the network finds rain of any kind, and
+m is at least LEAST_MEAN.
 """
 
 import cv2
@@ -25,9 +26,10 @@ from hydroviews.scene.images import Image, to_uint8
 # is 0.02.
 EVEN = 10.0
 MOST_OVER_MEAN = 2.0  # S over m, 1.6 at most in that rain
-# m from which rain falls. On development scenes, light streaks have an m of 0.018 to 0.058. Medium streaks have 0.046
-# and more, even behind drops. Dry views and medium drops have 0.005 at most, fog and heavy windows 0.016.
-LEAST_MEAN = 0.025
+# m from which rain falls. On development scenes, light streaks have an m of 0.018 to 0.058, and medium ones 0.046 and
+# more, even behind drops. Dry views and medium drops have 0.005 at most. Heavy windows have 0.016: to model rain there
+# costs 0.1 dB, and to leave rain out costs several times as much.
+LEAST_MEAN = 0.01
 MOST = 0.95  # rain_alpha
 DROP = 0.1  # cover by drops from which a pixel shows no rain
 BESIDE = np.ones((5, 5), np.uint8)  # of a pixel of the cover; drops change what is beside them
@@ -38,7 +40,7 @@ class Rainfall:
     """S, and S + D of each view.
 
     Attributes:
-        falls: whether the network finds rain.
+        falls: whether the network finds falling rain.
         even_alpha: S.
     """
 
@@ -57,7 +59,7 @@ class Rainfall:
         self._images, self._network, self._dry = images, network, network.training_images()
         self._alphas: dict[int, NDArray[np.uint8]] = {}  # S + D [H, W], 255 for all, of views that were asked for
         mean, shown = self._mean()
-        self.falls = mean >= LEAST_MEAN
+        self.falls = network.finds_rain and mean >= LEAST_MEAN
         self.even_alpha = mean * min(EVEN * mean / max(shown**0.5, 1e-6), MOST_OVER_MEAN)
 
     def alpha(self, view: int, size: Size) -> Plane:

@@ -115,3 +115,10 @@ def test_single_streaks_are_not_looked_for_in_drops(scene, layers):
     assert rain.falls
     assert alpha[:60] == pytest.approx(rain.even_alpha, abs=1 / 255)
     assert alpha[70:].std() > 0.02
+
+
+def test_changes_that_are_the_networks_own_errors_are_no_rain(scene, layers):
+    photographs = rained_on(scene, layers)
+    network = PretendedNetwork(scene, np.zeros(layers.shape, np.float32), photographs=photographs)
+    network.finds_rain = False
+    assert not Rainfall(images_of(photographs), network, BETA).falls

@@ -17,10 +17,12 @@ class PretendedNetwork:
 
     Attributes:
         asked: views whose enhanced picture was asked for.
+        finds_rain: whether it finds any; a test may change it.
         read: how often all enhanced pictures were.
     """
 
     digest = "of a test"
+    finds_rain = True
 
     def __init__(
         self,
