@@ -3,7 +3,8 @@
     R = (1 - S - D) B + (S + D) beta,   in encoded values
 
 A photograph I without its mist and its enhanced picture E have the cover alpha = (I - E) . (beta - E) / |beta - E|^2,
-over the channels, away from predicted drops. D is alpha less its median in the view. S is the median cover of all rain.
+over the channels, away from predicted drops. D is alpha less its median in the view. S is the median cover of all rain,
+and at least that median.
 In dense rain, the network finds too little of S: it removes single streaks, and leaves most of the even layer that
 streaks add up to. In sparse rain most pixels are dry, so that S is far below the mean m of alpha over all views. Pixels
 behind two streaks grow with m^2. The network finds fewer streaks the more of the lens drops cover: their share is w.
@@ -92,8 +93,9 @@ class Rainfall:
     def _alpha(self, view: int) -> Plane:
         product, square, shown = self._toward_rain(view)
         found = product / (square + np.float32(MIN_CONTRAST**2))
-        deviation = np.where(shown, found - np.median(found[shown]), 0) if shown.any() else np.zeros_like(found)
-        return np.clip(np.float32(self.even_alpha) + deviation, 0, MOST)
+        median = np.float32(np.median(found[shown])) if shown.any() else np.float32(0)
+        even = np.maximum(np.float32(self.even_alpha), median)  # never less than what the network removes
+        return np.clip(np.where(shown, found - median + even, even), 0, MOST)
 
     def _toward_rain(self, view: int) -> tuple[Plane, Plane, NDArray[np.bool_]]:
         """(I - E) . (beta - E), |beta - E|^2, both 0 where a mask or drops hide the scene, and where not."""
