@@ -4,12 +4,11 @@
 
 A photograph I without its mist and its enhanced picture E have the cover alpha = (I - E) . (beta - E) / |beta - E|^2,
 over the channels, away from predicted drops. D is alpha less its median in the view. S is the median cover of all rain,
-and at least that median.
-In dense rain, the network finds too little of S: it removes single streaks, and leaves most of the even layer that
-streaks add up to. In sparse rain most pixels are dry, so that S is far below the mean m of alpha over all views. Pixels
-behind two streaks grow with m^2. The network finds fewer streaks the more of the lens drops cover: their share is w.
-The model is S = EVEN m^2 / sqrt(1 - w), at most MOST_OVER_MEAN m. Rain falls if the network finds rain of any kind, and
-m is at least LEAST_MEAN.
+and at least that median. In dense rain, the network finds too little of S: it removes single streaks, and leaves most
+of the even layer that streaks add up to. In sparse rain most pixels are dry, so that S is far below the mean m of alpha
+over all views. Pixels behind two streaks grow with m^2. The network finds fewer streaks the more of the lens drops
+cover: their share is w. The model is S = EVEN m^2 / sqrt(1 - w), at most MOST_OVER_MEAN m. Rain falls if the network
+finds rain of any kind, and m is at least LEAST_MEAN.
 """
 
 import cv2
@@ -59,8 +58,8 @@ class Rainfall:
         self.brightness = brightness
         self._images, self._network, self._dry = images, network, network.training_images()
         self._alphas: dict[int, NDArray[np.uint8]] = {}  # S + D [H, W], 255 for all, of views that were asked for
-        mean, shown = self._mean()
-        self.falls = network.finds_rain and mean >= LEAST_MEAN
+        mean, shown = self._mean() if network.finds_rain else (0.0, 1.0)
+        self.falls = mean >= LEAST_MEAN
         self.even_alpha = mean * min(EVEN * mean / max(shown**0.5, 1e-6), MOST_OVER_MEAN)
 
     def alpha(self, view: int, size: Size) -> Plane:

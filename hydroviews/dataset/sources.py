@@ -10,6 +10,7 @@ from hydroviews.blender.embedded_scenes.captures import EMBEDDED, VERSION, read_
 from hydroviews.captures.catalogue.catalogue import (
     Capture,
     MissingCapture,
+    NoCapture,
     all_captures,
     captures_root,
     find_captures,
@@ -87,10 +88,9 @@ def find_capture(
     known = (*EMBEDDED, *(capture.name for capture in all_captures()))
     if "/" in source and source.split("/")[0] not in {name.split("/")[0] for name in known}:  # meant as a path
         wanted = f"a folder with images and cameras, below {Path.cwd()} or {root}"
-        raise InputError(f"SCENE={source}: no such folder", expected=wanted)
-    raise unknown_name(
-        f"SCENE={source}", source, "capture", known, f"a folder with images and cameras, here or in {root}"
-    )
+        raise NoCapture(f"SCENE={source}: no such folder", expected=wanted)
+    otherwise = f"a folder with images and cameras, here or in {root}"
+    raise NoCapture(unknown_name(f"SCENE={source}", source, "capture", known, otherwise))
 
 
 def _read_published(capture: Capture, source: str, root: Path, long_side: int) -> Scene:
@@ -183,7 +183,7 @@ def build_source(
         return fetched
     try:
         found = find_capture(source, out / RENDERED, profile.embedded_views, long_side, captures, render=render)
-    except InputError as error:
+    except NoCapture as error:
         raise unfit(source, out) or error from error
     scene = _beside(RESERVED, found)
     for note in scene.notes:

@@ -3,7 +3,7 @@
 Some of it is drawn by the data set's own generator, most by the recipes in `recipes`.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -56,13 +56,18 @@ def shares_without(*families: str, shares: Mapping[str, float] = KINDS) -> dict[
     Raises:
         InputError: no such family, or nothing is left.
     """
-    unknown = set(families) - {family for kind in shares for family in kind.split("+")}
-    left = {kind: share for kind, share in shares.items() if not set(kind.split("+")) & set(families)}
+    unknown = set(families) - families_of(shares)
+    left = {kind: share for kind, share in shares.items() if not families_of([kind]) & set(families)}
     if unknown or not left:
         found = ", ".join(sorted(unknown or families))
         raise InputError("families of rain to leave out", found=found, expected="families of rain, but not all")
     whole = sum(left.values())
     return {name: share / whole for name, share in left.items()}
+
+
+def families_of(kinds: Iterable[str]) -> set[str]:
+    """All families of rain that kinds of rain name."""
+    return {family for kind in kinds for family in kind.split("+")}
 
 
 def draw_rain(

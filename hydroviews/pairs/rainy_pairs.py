@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydroviews.pairs.captures import SOURCES, Capture
-from hydroviews.pairs.drawing import KINDS, Pair, draw_rain
+from hydroviews.pairs.drawing import KINDS, Pair, draw_rain, families_of
 from hydroviews.pairs.exposure import draw_exposure, exposed
 from hydroviews.pairs.lens_pool import Pool
 from hydroviews.pairs.mist_alone import draw_mist_alone
@@ -62,8 +62,7 @@ class DrawnRain:
         sides = self._photographs[rng.integers(len(self._photographs))]
         height, width = next(iter(sides.values())).shape[:2]
         pictures = self._capture(sides, rng).pictures(count, (width, height), (side, side), rng)
-        families = {family for kind in self._kinds for family in kind.split("+")}
-        own, recipes = (bool(some & families) for some in (OWN, RECIPES))
+        own, recipes = (bool(some & families_of(self._kinds)) for some in (OWN, RECIPES))
         return draw_mist_alone(pictures, rng, OWN_MIST if own == recipes else float(own))
 
     def _capture(self, sides: dict[int, Bytes], rng: np.random.Generator) -> Capture:

@@ -112,7 +112,11 @@ def _child(root: Path, relative: str) -> Path | None:
     return folder
 
 
-class MissingCapture(InputError):
+class NoCapture(InputError):
+    """No capture of that name or in that folder is on this machine."""
+
+
+class MissingCapture(NoCapture):
     """A published capture is not on this machine; the error says how to get it."""
 
     def __init__(self, capture: Capture, root: Path):

@@ -1,6 +1,6 @@
 """Scenes that were fetched and whose capture need not be here: they are used as they are, and not built."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -37,9 +37,8 @@ def find_fetched(
     Raises:
         InputError: a file is no longer what the manifest says.
     """
-    for name, entry in read_manifest(data)["scenes"].items():
-        same = entry.get("long_side") == long_side and seed in (None, entry.get("seed")) and lens_renderer is None
-        if not (entry.get(FETCHED) and source in _called(name, entry) and same):
+    for name, entry in _fetched(source, data):
+        if entry.get("long_side") != long_side or seed not in (None, entry.get("seed")) or lens_renderer is not None:
             continue
         wanted = {pattern.name for pattern in named or (() if is_captured(data / name) else usual)}
         if wanted <= set(entry["patterns"]):
@@ -50,17 +49,19 @@ def find_fetched(
 
 
 def unfit(source: str, data: Path) -> InputError | None:
-    """What to say if a fetched scene of that name does not fit and its capture is not here; None if there is none."""
-    for name, entry in read_manifest(data)["scenes"].items():
-        if entry.get(FETCHED) and source in _called(name, entry):
-            patterns = ", ".join((CLEAN, *entry["patterns"]))
-            return InputError(
-                f"{data / name}: the downloaded scene does not have what is wanted, and its capture is not here",
-                found=f"{patterns}, {entry.get('long_side')} pixels, seed {entry.get('seed')}",
-                fix="ask for what is there, or put the capture here to build the rest",
-            )
+    """The error if a fetched scene of that name does not fit and its capture is not here; None without such a scene."""
+    for name, entry in _fetched(source, data):
+        patterns = ", ".join((CLEAN, *entry["patterns"]))
+        return InputError(
+            f"{data / name}: the downloaded scene does not have what is wanted, and its capture is not here",
+            found=f"{patterns}, {entry.get('long_side')} pixels, seed {entry.get('seed')}",
+            fix="ask for what is there, or put the capture here to build the rest",
+        )
     return None
 
 
-def _called(name: str, entry: Mapping[str, Any]) -> set[str]:
-    return {name, str(entry.get("source"))}
+def _fetched(source: str, data: Path) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Names and manifest entries of the fetched scenes that are called so, or whose capture is."""
+    for name, entry in read_manifest(data)["scenes"].items():
+        if entry.get(FETCHED) and source in (name, str(entry.get("source"))):
+            yield name, entry
