@@ -37,7 +37,7 @@ def enhance(
         overlap: overlap of neighbouring tiles in pixels, less than `tile`.
         remove_mist: remove mist from the whole picture first, if the network has that part. The network cannot separate
             mist on the lens from fog in the scene.
-        lens: statistics of the lens over all its photographs; see `lenses_of_capture`.
+        lens: statistics of the lens over all its photographs; see `companions.lenses_with_drops`.
 
     Returns:
         An image of the same shape and range, computed on the network's device.
@@ -93,10 +93,11 @@ def _in_tiles(
     total: NDArray[np.float32] | None = None
     for top, bottom in spans(image.shape[0], tile, overlap):
         for left, right in spans(image.shape[1], tile, overlap):
-            fine = lens.fine[None, :, _halves(top, bottom), _halves(left, right)] if lens else None
             batch = _batch(image[top:bottom, left:right], network.device)
+            known = None if lens is None or lens.fine is None else lens.fine.to(batch.device)
+            fine = None if known is None else known[None, :, _halves(top, bottom), _halves(left, right)]
             with torch.inference_mode():
-                part = _image(padded(refine, network.multiple, batch, fine if fine is None else fine.to(batch.device)))
+                part = _image(padded(refine, network.multiple, batch, fine))
             total = np.zeros((*image.shape[:2], part.shape[2]), np.float32) if total is None else total
             ramp = _ramp(bottom - top, overlap)[:, None, None] * _ramp(right - left, overlap)[None, :, None]
             total[top:bottom, left:right] += ramp * part

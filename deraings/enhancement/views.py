@@ -6,14 +6,13 @@ from collections.abc import Callable, Sequence
 from functools import cached_property
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
 from baselines.training.images import TrainingImages, evenly_spread
 from baselines.training.torch_state import one_thread
-from deraings.enhancement.architecture.lenses import Lens, lenses_of_capture
+from deraings.enhancement.architecture.lenses import Lens
 from deraings.enhancement.clear_pixels import (
     DROPS,
     LensCovers,
@@ -21,17 +20,16 @@ from deraings.enhancement.clear_pixels import (
     lens_covers,
     with_clear_pixels,
 )
+from deraings.enhancement.companions import lenses_with_drops, without_holes
 from deraings.enhancement.enhance import predict, without_mist_on_lens
 from deraings.enhancement.weights import Enhancer
 from deraings.image_planes import Plane, resized, within_side
 from deraings.lens.mist_prior import NetworkMist
 from hydroviews.cli.threads import side_by_side
 from hydroviews.scene.images import Image, read_image, to_uint8, write_png
-from hydroviews.scene.masks import Ignored
 
 logger = logging.getLogger(__name__)
 
-BESIDE = 9  # pixels of the square around a hidden one in which nothing is told of rain
 COVER_SIDE = 400  # pixels of the longer side, at most, of covers that are kept in memory
 LOOKED_AT = 20  # photographs, spread evenly, that show whether there is rain
 # Mean share of the network's change that is not its own error, from which there is rain to remove. Development scenes:
@@ -204,7 +202,7 @@ class EnhancedViews:
         """What the photographs together say of the lens of each."""
         images = self._images
         with one_thread():
-            return lenses_of_capture(len(images), self._photograph, self._enhancer.network, images.ignored)
+            return lenses_with_drops(len(images), self._photograph, self._enhancer, images.ignored)
 
     def image(self, index: int) -> Image:
         """One picture [H, W, 3].
@@ -276,14 +274,6 @@ class EnhancedViews:
         """The same [h, w, 3], 255 for all, small enough to keep."""
         cover = self._rain_cover(index)
         return to_uint8(resized(cover, within_side(cover.shape[:2], COVER_SIDE)))
-
-
-def without_holes(cover: Image, hidden: Ignored | None) -> Image:
-    """A cover by rain [H, W, 3], set to 0 where a mask [H, W] hides a pixel and beside it: holes look like drops."""
-    if hidden is None:
-        return cover
-    beside = cv2.dilate(hidden.astype(np.uint8), np.ones((BESIDE, BESIDE), np.uint8)) > 0
-    return np.where(beside[..., None], np.float32(0), cover)
 
 
 def _of_all(function: Callable[[int], Path], count: int, doing: str) -> list[Path]:

@@ -20,7 +20,7 @@ Read = Callable[[int], NDArray[np.uint8]]
 class Lens:
     """Of one run of photographs, as a network wants to know it."""
 
-    fine: Tensor  # statistics [FINE, H / 2, W / 2], rounded up
+    fine: Tensor | None  # statistics [FINE, H / 2, W / 2], rounded up; None: drops are new in every photograph
     mist: Tensor | None  # [4, 16, 16], see mist_branch; None: to be looked for in each photograph alone
     mist_error: Tensor | None = None  # standard error of the light that the mist adds [16, 16], over the photographs
 

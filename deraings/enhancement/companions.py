@@ -1,0 +1,70 @@
+"""The companions of a photograph: others through the same lens, as long as the same drops are on it.
+
+Drops that are new in every photograph leave the statistics of a dry lens. With these statistics, the network removes
+none of them; alone, it removes them as far as single pictures allow.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from baselines.training.images import evenly_spread
+from deraings.enhancement.architecture.lenses import Lens, Read, lenses_of_capture
+from deraings.enhancement.clear_pixels import DROPS
+from deraings.enhancement.enhance import predict
+from deraings.enhancement.weights import Enhancer
+from hydroviews.scene.images import Image
+from hydroviews.scene.masks import Ignored
+
+LOOKED_AT = 4  # photographs of a lens, evenly spread
+# Mean cover by drops. With companions, wet lenses of development scenes have 0.098 and more; dry lenses, and drops that
+# are new in every photograph, have 0.001. Alone, new drops and snow have 0.09 and more, dry photographs 0.015.
+DRY, WET = 0.01, 0.03
+BESIDE = 9  # pixels of the square around a hidden one in which nothing is told of rain
+
+
+def lenses_with_drops(
+    count: int, read: Read, enhancer: Enhancer, hidden: Callable[[int], Ignored | None] = lambda _: None
+) -> list[Lens | None]:
+    """`lenses_of_capture`, without statistics of drops where drops are new in every photograph.
+
+    Args:
+        count: how many photographs there are.
+        read: the i-th one [H, W, 3], sRGB-encoded, 8 bits.
+        enhancer: the network that is to enhance them.
+        hidden: pixels [H, W] of the i-th one that are not to be looked at, None for none.
+    """
+    lenses = lenses_of_capture(count, read, enhancer.network, hidden)
+    if not enhancer.network.config.cover:
+        return lenses
+    alike = {lens: lens for lens in lenses if lens is not None}
+    for lens in alike:
+        views = [index for index, own in enumerate(lenses) if own is lens]
+        looked_at = [views[place] for place in evenly_spread(len(views), LOOKED_AT)]
+        if _drops_are_new([(_encoded(read, index), hidden(index)) for index in looked_at], lens, enhancer):
+            alike[lens] = replace(lens, fine=None)
+    return [None if lens is None else alike[lens] for lens in lenses]
+
+
+def without_holes(cover: Image, hidden: Ignored | None) -> Image:
+    """A cover by rain [H, W, 3], set to 0 where a mask [H, W] hides a pixel and beside it: holes look like drops."""
+    if hidden is None:
+        return cover
+    beside = cv2.dilate(hidden.astype(np.uint8), np.ones((BESIDE, BESIDE), np.uint8)) > 0
+    return np.where(beside[..., None], np.float32(0), cover)
+
+
+def _drops_are_new(photographs: Sequence[tuple[Image, Ignored | None]], lens: Lens, enhancer: Enhancer) -> bool:
+    """Whether photographs show drops, each for itself, which the statistics of their lens do not show."""
+
+    def cover(lens: Lens | None) -> float:
+        covers = [(predict(photograph, enhancer, lens=lens).cover, hidden) for photograph, hidden in photographs]
+        return float(np.mean([without_holes(c, hidden)[..., DROPS].mean() for c, hidden in covers if c is not None]))
+
+    return cover(lens) < DRY and cover(None) >= WET
+
+
+def _encoded(read: Read, index: int) -> Image:
+    return read(index).astype(np.float32) / np.float32(255)
