@@ -140,11 +140,11 @@ class DeRainGS(GaussianSplatting):
         config: DeRainGSConfig = self.config
         if config.masks is None:
             return None
-        known, stays = None, False
+        known, wet = None, False
         if enhanced and enhanced.tells_cover:
-            known, stays = enhanced.hidden_by_drops, enhanced.drops_stay
+            known, wet = enhanced.hidden_by_drops, enhanced.wet
         device = chosen_device(config.splatting.device, GSPLAT)
-        return OcclusionMasks(images, config.splatting.iterations, self.seed, config.masks, known, stays, device)
+        return OcclusionMasks(images, config.splatting.iterations, self.seed, config.masks, known, wet, device)
 
     def learned(self) -> RainObjective:
         """What was learned of the rain in the training views, after `fit`.

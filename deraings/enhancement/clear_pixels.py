@@ -26,7 +26,7 @@ from hydroviews.scene.images import Image
 
 STREAKS, DROPS = 0, 1  # channels of what rain covers
 DROP = 0.5  # mean cover of a place with a drop
-MIN_DROPS = 0.01  # share of the lens with drops from which they stay: 0.06 in light drops, 0 in streaks and dry views
+MIN_DROPS = 0.01  # share of the lens with drops from which it is wet: 0.06 in light drops, 0 in streaks and dry views
 MAX_STREAKS = 0.02  # mean cover by streaks: 0.005 in drops, 0.04 in light streaks
 CLEAR, COVERED = 0.2, 0.5  # mean cover up to which the photograph counts alone, and from which the network does
 SMOOTH = 1 / 40  # standard deviation of G, in longer sides of the picture
@@ -39,27 +39,29 @@ class LensCovers:
 
     Attributes:
         means: of each place of the lens about the time of each view, [H, W] in [0, 1]: the mean of what is seen in the
-            other views; of a photograph of which there is no other, what is seen in it.
-        stay: whether drops stay on the lens, and no streaks fall.
+            other views; of a photograph of which there is no other, or with new drops, what is seen in it.
+        wet: whether drops are on the lens, and no streaks fall.
     """
 
     means: Sequence[Plane]
-    stay: bool
+    wet: bool
 
 
-def lens_covers(covers: Sequence[NDArray[np.uint8]]) -> LensCovers:
+def lens_covers(covers: Sequence[NDArray[np.uint8]], new: Sequence[bool]) -> LensCovers:
     """What drops cover of the lens, from what covers single photographs.
 
     Args:
         covers: what streaks, drops and mist cover of each photograph [H, W, 3], 255 for all; in order of name.
+        new: whether the drops of each photograph are on no other one.
     """
     drops = {view: cover[..., DROPS] for view, cover in enumerate(covers)}
     means: list[Plane] = []
     shares = []
     for view, own in drops.items():
-        mean = mean_around(view, {other: plane for other, plane in drops.items() if other != view}, own.shape, AROUND)
+        others = {other: plane for other, plane in drops.items() if other != view}
+        mean = mean_around(view, others, own.shape, 0.0 if new[view] else AROUND)
         means.append((own if mean is None else mean) / np.float32(255))
-        shares.append(0.0 if mean is None else float(np.mean(means[-1] > DROP)))
+        shares.append(0.0 if mean is None and not new[view] else float(np.mean(means[-1] > DROP)))
     streaks = np.mean([cover[..., STREAKS].mean() / 255 for cover in covers])
     return LensCovers(means, bool(np.mean(shares) >= MIN_DROPS and streaks <= MAX_STREAKS))
 

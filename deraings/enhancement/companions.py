@@ -19,9 +19,12 @@ from hydroviews.scene.images import Image
 from hydroviews.scene.masks import Ignored
 
 LOOKED_AT = 4  # photographs of a lens, evenly spread
-# Mean cover by drops. With companions, wet lenses of development scenes have 0.098 and more; dry lenses, and drops that
-# are new in every photograph, have 0.001. Alone, new drops and snow have 0.09 and more, dry photographs 0.015.
-DRY, WET = 0.01, 0.03
+# Mean cover by drops that the network predicts alone, from which a lens is wet. On development scenes, dry photographs,
+# streaks and fine dirt have 0.015 at most, light drops of any kind 0.05 and more.
+WET = 0.03
+# Share of this cover that the network predicts with companions, below which drops are new in every photograph. Medium
+# drops and windows of development scenes have 0.75 and more; new drops and snow have 0.01, 0.3 of eight photographs.
+STAYING = 0.5
 BESIDE = 9  # pixels of the square around a hidden one in which nothing is told of rain
 
 
@@ -63,7 +66,8 @@ def _drops_are_new(photographs: Sequence[tuple[Image, Ignored | None]], lens: Le
         covers = [(predict(photograph, enhancer, lens=lens).cover, hidden) for photograph, hidden in photographs]
         return float(np.mean([without_holes(c, hidden)[..., DROPS].mean() for c, hidden in covers if c is not None]))
 
-    return cover(lens) < DRY and cover(None) >= WET
+    alone = cover(None)
+    return alone >= WET and cover(lens) < STAYING * alone
 
 
 def _encoded(read: Read, index: int) -> Image:

@@ -99,16 +99,16 @@ class EnhancedViews:
         return np.multiply(self._small_covers[index][..., DROPS], np.float32(1 / 255), dtype=np.float32)
 
     def mean_drop_cover(self, index: int) -> Plane:
-        """The mean of the same over the other photographs about the time of one [h, w]: what stays on the lens."""
+        """The mean of the same over the other photographs about the time of one [h, w], unless its drops are new."""
         return self._lens_covers.means[index]
 
     @property
-    def drops_stay(self) -> bool:
-        """Whether drops stay on the lens, as far as the network tells."""
-        return self.tells_cover and self._lens_covers.stay
+    def wet(self) -> bool:
+        """Whether the network predicts drops on the lens."""
+        return self.tells_cover and self._lens_covers.wet
 
     def hidden_by_drops(self, index: int) -> Plane:
-        """What drops that stay on the lens hide about the time of a photograph [h, w], [0, 1]; see `clear_pixels`.
+        """What drops on the lens hide about the time of a photograph [h, w], [0, 1]; see `clear_pixels`.
 
         Raises:
             InputError: a kept picture is damaged.
@@ -231,7 +231,7 @@ class EnhancedViews:
         """All pictures as PNG, in the order of the photographs, two at a time, showing progress.
 
         Args:
-            clear: if drops stay on the lens, what lies between them is as the photographs show it: `clear_pixels`.
+            clear: if drops are on the lens, what lies between them is as the photographs show it: `clear_pixels`.
 
         Raises:
             InputError: a kept picture is damaged.
@@ -239,9 +239,9 @@ class EnhancedViews:
         count, _ = len(self._images), self._lenses  # before several threads ask for them
         with one_thread():  # around all: each leaves behind the number of threads that it found
             paths = _of_all(self.file, count, "enhancing")
-            if not (clear and self.drops_stay):
+            if not (clear and self.wet):
                 return paths
-            logger.info("drops stay on the lens: between drops, the scene is trained on the photographs")
+            logger.info("drops are on the lens: between drops, the scene is trained on the photographs")
             return _of_all(self._clear, count, "clear pixels")
 
     def _clear(self, index: int) -> Path:
@@ -254,7 +254,8 @@ class EnhancedViews:
 
     @cached_property
     def _lens_covers(self) -> LensCovers:
-        return lens_covers(self._small_covers)
+        new = [lens is not None and lens.fine is None for lens in self._lenses]
+        return lens_covers(self._small_covers, new)
 
     @cached_property
     def _small_covers(self) -> list[NDArray[np.uint8]]:

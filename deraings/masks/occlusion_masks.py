@@ -53,7 +53,7 @@ class OcclusionMasks(PixelWeights):
         seed: int,
         config: MaskConfig | None = None,
         known: Callable[[int], Plane] | None = None,
-        stays: bool = False,
+        wet: bool = False,
         device: str = "cpu",
     ) -> None:
         """Start with a network that masks next to nothing.
@@ -65,7 +65,7 @@ class OcclusionMasks(PixelWeights):
             config: settings.
             known: what of the lens drops hide about the time of a view [h, w], [0, 1], as somebody tells from the
                 photographs; hidden as well where something is on the lens.
-            stays: whether drops stay on the lens, as somebody tells from the photographs; else the losses tell.
+            wet: whether drops are on the lens, as predicted from the photographs; else the losses decide.
             device: where the network calculates, "cpu" or "cuda".
         """
         self.config = config or MaskConfig()
@@ -83,7 +83,7 @@ class OcclusionMasks(PixelWeights):
         self._losses: dict[int, Plane] = {}  # last losses of views at the network's resolution
         self._kept: dict[int, NDArray[np.uint8]] = {}  # masks of views at the mask's resolution
         self._on_lens: dict[int, NDArray[np.uint8]] = {}  # what of them is on the lens
-        self._known, self._stays = known, stays
+        self._known, self._wet = known, wet
 
     def weigh(self, seen: Comparison) -> Plane | None:
         """See PixelWeights: 1 - M, once the masks have learned, if they are due."""
@@ -102,7 +102,7 @@ class OcclusionMasks(PixelWeights):
     @property
     def needed(self) -> bool:
         """Whether something is on the lens; taken for granted until the masks start. One witness is enough."""
-        return self._stays or self._evidence is None or self._evidence >= self.config.min_evidence
+        return self._wet or self._evidence is None or self._evidence >= self.config.min_evidence
 
     def report(self) -> dict[str, float | bool]:
         """For the record: `evidence` for masks, whether they were `used`, and `mask_mean`."""

@@ -265,5 +265,5 @@ class RainModel:
         return [(name, model) for name, model in parts if model is not None]
 
     def _views_fitted(self, view: int) -> float:
-        """To how many views the lines of a view's drops have been fitted."""
-        return self.drops.views_added(view) if self.drops else 0.0
+        """To how many views the lines of a view's drops have been fitted, if they count."""
+        return self.drops.views_added(view) if self.drops and DROPS not in self.off else 0.0

@@ -93,7 +93,7 @@ def test_networks_that_predict_less_say_less(photographs, tmp_path, enhance):
     views = views_of(photographs, tmp_path, replace(TINY, error=False, cover=()))
     assert views.small_error(0) is None
     assert not views.tells_cover
-    assert not views.drops_stay
+    assert not views.wet
     assert views.change_over_error(0) == pytest.approx(1)
 
 
@@ -167,8 +167,8 @@ def covers(rng, drops, streaks=0):
 
 
 def test_drops_that_stay_are_where_all_views_have_them(rng):
-    found = lens_covers(covers(rng, [drop()] * 12))
-    assert found.stay
+    found = lens_covers(covers(rng, [drop()] * 12), [False] * 12)
+    assert found.wet
     assert len(found.means) == 12
     for mean in found.means:
         assert mean.shape == (HEIGHT, WIDTH)
@@ -178,7 +178,7 @@ def test_drops_that_stay_are_where_all_views_have_them(rng):
 
 
 def test_a_drop_that_moves_over_is_followed(rng):
-    early, late = lens_covers(covers(rng, [drop(column=12)] * 40 + [drop(column=36)] * 40)).means[::79]
+    early, late = lens_covers(covers(rng, [drop(column=12)] * 40 + [drop(column=36)] * 40), [False] * 80).means[::79]
     assert early[drop(column=12)].mean() > 0.7 > 0.1 > early[drop(column=36)].mean()
     assert late[drop(column=36)].mean() > 0.7 > 0.1 > late[drop(column=12)].mean()
 
@@ -195,7 +195,16 @@ def test_a_drop_that_moves_over_is_followed(rng):
     ids=["renewed", "dry", "streaks", "one view", "one view a lens"],
 )
 def test_nothing_is_known_to_stay(rng, seen):
-    assert not lens_covers(seen(rng)).stay
+    found = seen(rng)
+    assert not lens_covers(found, [False] * len(found)).wet
+
+
+def test_new_drops_are_where_their_own_view_has_them(rng):
+    seen = covers(rng, [drop(rng.integers(HEIGHT), rng.integers(WIDTH)) for _ in range(30)])
+    found = lens_covers(seen, [True] * 30)
+    assert found.wet
+    for mean, own in zip(found.means, seen, strict=True):
+        np.testing.assert_array_equal(mean, own[..., DROPS] / np.float32(255))
 
 
 def test_what_is_mostly_covered_is_wholly_hidden_and_what_is_hardly_covered_hardly():

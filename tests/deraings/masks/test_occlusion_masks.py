@@ -203,9 +203,9 @@ def test_seeds_and_other_peoples_random_numbers_and_threads():
     assert any(value.tobytes() != other[name].tobytes() for name, value in one.items())
 
 
-def told_once(config=ALWAYS, known=None, stays=False):
+def told_once(config=ALWAYS, known=None, wet=False):
     """Masks after one lesson, to which it is told of each view what hides it."""
-    masks = untaught(config=config, known=None if known is None else lambda view: known, stays=stays)
+    masks = untaught(config=config, known=None if known is None else lambda view: known, wet=wet)
     masks.learn(0, losses(DROPS)[0], 0)
     return masks
 
@@ -223,13 +223,13 @@ def test_what_is_known_to_be_hidden_is_hidden_as_well():
 
 
 def test_where_drops_are_known_to_stay_losses_need_not_tell():
-    told = told_once(UNSURE, np.full((HEIGHT, WIDTH), 0.5, np.float32), stays=True)
+    told = told_once(UNSURE, np.full((HEIGHT, WIDTH), 0.5, np.float32), wet=True)
     assert told.weights(0, (HEIGHT, WIDTH), 500).max() <= 0.5
     assert told.report()["used"]
 
 
 def test_a_mask_is_at_most_one_where_what_is_known_is_more_by_rounding():
-    masks = told_once(known=np.full((HEIGHT, WIDTH), np.nextafter(np.float32(1), np.float32(2))), stays=True)
+    masks = told_once(known=np.full((HEIGHT, WIDTH), np.nextafter(np.float32(1), np.float32(2))), wet=True)
     assert masks.mask(0, (HEIGHT, WIDTH)).max() == 1
     assert masks.weights(0, (HEIGHT, WIDTH), 500).min() == 0
 
