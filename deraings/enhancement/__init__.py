@@ -3,6 +3,7 @@
 One picture goes in, the same picture without rain comes out; nothing is known of the scene.
 
     enhance.py        pictures of any size, in overlapping tiles where they are large
+    companions.py     which photographs of a capture are enhanced together
     views.py          a scene's training photographs, each enhanced once and kept; clear_pixels.py between drops
     weights.py        trained networks, the shipped one in weights/
     architecture/     the network, its parts, and the statistics of the lens that they receive
