@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from disturbed import disturbed, fitted, only_in_training, whole_and_resumed
 from splats import cloud, photographed
-from trainings import psnr
+from trainings import PLAIN, psnr
 
 import baselines.nimbus.method as nimbus
 from baselines.gaussian_splatting import GaussianSplatting
@@ -14,16 +14,11 @@ from baselines.method import check_hidden
 from baselines.nimbus.config import MediumConfig, NimbusConfig, ResidualConfig
 from baselines.nimbus.method import Nimbus
 from baselines.nimbus.objective import NimbusObjective
-from baselines.splatting.config import TrainerConfig
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.rasterizer import depth, render
-from baselines.splatting.strategies.densification import DefaultStrategy
 from baselines.training.images import TrainingImages
 
-GROWTH = DefaultStrategy(
-    start=20, stop=200, every=20, budget=300, grow_grad2d=5e-5, reset_every=None, prune_scale3d=1.0
-)
-SPLATTING = TrainerConfig(iterations=500, sh_degree=0, strategy=GROWTH, device="cpu", resolutions=((0.2, 2),))
+SPLATTING = replace(PLAIN, iterations=500, resolutions=((0.2, 2),))
 MEDIUM = MediumConfig(cells=12, rate=0.02, renewed=100, dark=0.05, ray_shrink=2)
 BRIEF = NimbusConfig(
     replace(SPLATTING, iterations=16, checkpoint_seconds=0.0),

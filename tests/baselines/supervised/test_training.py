@@ -156,14 +156,10 @@ def test_numbers_that_no_training_can_have(config, name, value):
         config(**{name: value})
 
 
-@pytest.mark.parametrize(
-    ("make", "option"),
-    [
-        (lambda: Intervals(checkpoint_seconds=math.inf), "--checkpoint-seconds inf"),
-        (lambda: Intervals(validate_every=0), "--validate-every 0"),
-        (lambda: use_threads(-1), "--threads -1"),
-    ],
-)
-def test_intervals_and_threads(make, option):
-    with pytest.raises(InputError, match=f"{option}: impossible"):
-        make()
+def test_intervals_and_threads():
+    with pytest.raises(InputError, match="--checkpoint-seconds inf: impossible"):
+        Intervals(checkpoint_seconds=math.inf)
+    with pytest.raises(InputError, match="--validate-every 0: impossible"):
+        Intervals(validate_every=0)
+    with pytest.raises(InputError, match="--threads -1: impossible"):
+        use_threads(-1)

@@ -9,7 +9,7 @@ from against_float64 import leaves_of_sh_sets
 from disturbed import assert_found, disturbed, fitted, occluded
 from looks import hides_everything_and_says_so
 from splats import BACKGROUND, camera, cloud, photographed
-from trainings import psnr
+from trainings import PLAIN, UNSPARING, psnr
 
 import baselines.wild_gaussians.method as wild
 from baselines.gaussian_splatting import GaussianSplatting
@@ -29,10 +29,7 @@ from baselines.wild_gaussians.method import WildConfig, WildGaussians
 from baselines.wild_gaussians.sky import DISTANCE, Bounds, bounds_of, fibonacci, in_upper_part, with_room, with_sky
 from hydroviews.scene.scenes import Points
 
-GROWTH = DefaultStrategy(
-    start=10, stop=150, every=20, budget=300, grow_grad2d=5e-5, reset_every=None, prune_scale3d=1.0
-)
-SPLATTING = TrainerConfig(iterations=240, sh_degree=0, strategy=GROWTH, device="cpu")
+SPLATTING = replace(PLAIN, iterations=240, strategy=replace(UNSPARING, start=10, stop=150))
 QUICK_APPEARANCE = AppearanceConfig(width=16, scale=0.3, rate=5e-3, view_rate=2e-2)
 CONFIG = WildConfig(
     SPLATTING, QUICK_APPEARANCE, UncertaintyConfig("alexnet", start=60, warm_up=20, protected=0, rate=1e-2, every=2)
@@ -125,8 +122,8 @@ def test_gradients_are_those_of_float64():
     found = visible.backward(gradients.parameters, by_sh_sets, BufferPool())
 
     leaves = leaves_of_sh_sets(twin, gaussians, view, weights)
-    for name in ("sh", "features", "means"):
-        expected = leaves[name].grad.numpy()
+    for name, leaf in leaves.items():
+        expected = leaf.grad.numpy()
         assert np.abs(getattr(found, name) - expected).max() < 2e-3 * np.abs(expected).max(), name
     for (name, mine), other in zip(ours.named_parameters(), twin.parameters(), strict=True):
         assert (mine.grad - other.grad).abs().max() < 2e-3 * other.grad.abs().max(), name

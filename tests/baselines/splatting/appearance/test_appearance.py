@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from against_float64 import leaves_of_sh_sets
 from looks import assert_the_same_steps
 from splats import BACKGROUND, camera, cloud, photographed, with_values
 
@@ -83,24 +82,6 @@ def test_features_go_where_their_gaussians_go():
     assert gaussians.zeros().features.shape == (10, 2)
     with pytest.raises(ValueError, match="features"):
         replace(gaussians, features=np.zeros((3, 2), np.float32))
-
-
-def test_gradients_flow_through_the_colours_as_in_float64():
-    gaussians, view, appearance = with_features(40), camera(24, 20), Tint(2)
-    weights = [np.random.default_rng(k).normal(size=(20, 24, 3)).astype(np.float32) for k in range(2)]
-    backend = CpuBackend(Objective.__new__(Objective), BACKGROUND, 0.01)
-    backend._objective.appearance = appearance
-    backend._objective.compare = lambda images, *_: (0.0, weights)
-    appearance.learn = lambda iteration: None
-    ours = backend._learn_with_appearance(gaussians, view, 1, 0, 1).gradients
-
-    twin = Tint(2).double()
-    for name, leaf in leaves_of_sh_sets(twin, gaussians, view, weights).items():
-        found, expected = getattr(ours, name), leaf.grad.numpy()
-        assert np.abs(found - expected).max() < 2e-3 * np.abs(expected).max(), name
-    for mine, other in zip(appearance.parameters(), twin.parameters(), strict=True):
-        assert torch.allclose(mine.grad.double(), other.grad, rtol=2e-3, atol=1e-4)
-    assert not appearance.gains.grad[0].any()  # the other view's
 
 
 @pytest.mark.parametrize(("size", "most"), [(0.001, 100), (0.03, 200), (0.3, 301)])
