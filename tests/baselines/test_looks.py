@@ -63,6 +63,7 @@ def test_what_comes_and_goes_is_left_out_by_the_mask(things, things_occluded, pl
         (GaussianInTheWild, GSWConfig(SPLATTING, replace(REFERENCE, rate_maps=2e-3, rate_colour=2e-3))),
         (WildGS, WildGSConfig(SPLATTING, LIGHT)),
     ],
+    ids=["gs-w", "wild-gs"],
 )
 def test_a_colour_cast_a_view_is_told_from_the_scene(things, things_in_casts, plain, tmp_path, kind, config):
     scene, truth = things_in_casts, true_pictures(things)
