@@ -8,18 +8,24 @@ from disturbed import fitted
 from looks import (
     BRIEF,
     GROWING,
+    LIGHT,
     SPLATTING,
     assert_the_same_steps,
+    held_out,
     hides_everything_and_says_so,
     threads_of_networks,
     true_pictures,
 )
 from splats import photographed
 
+from baselines.encoders.objective import PerceptualObjective
 from baselines.gaussian_splatting import GaussianSplatting
 from baselines.gs_w.appearance import ReferenceAppearance
 from baselines.gs_w.config import SHORT as REFERENCE
 from baselines.gs_w.method import GaussianInTheWild, GSWConfig
+from baselines.method import check_hidden
+from baselines.splatting.files.ply import SPLATS, read_ply
+from baselines.splatting.rasterizer import render
 from baselines.wild_gs.appearance import LookAppearance
 from baselines.wild_gs.config import SHORT as LOOK
 from baselines.wild_gs.method import WildGS, WildGSConfig
@@ -39,17 +45,46 @@ def test_what_comes_and_goes_is_left_out_by_the_mask(things, things_occluded, pl
     scene, truth = things_occluded, true_pictures(things)
     splatting = replace(SPLATTING, iterations=200)
 
-    def held_out(method):
+    def quality(method):
         return np.mean([psnr(method.render(view.camera), truth[view.name]) for view in scene.test_views])
 
     def found(look, seed=0):
-        folder = tmp_path / f"{seed}-{look.visible_from}"
-        return held_out(fitted(kind, config(splatting, look), scene, folder, seed))
+        return quality(fitted(kind, config(splatting, look), scene, tmp_path / f"{seed}-{look.visible_from}", seed))
 
     # Two seeds: a mask that starts so early may be late in finding anything.
     masked = np.mean([found(look, seed) for seed in (0, 1)])
-    assert masked > held_out(plain(GaussianSplatting, splatting, scene)) + 0.5
+    assert masked > quality(plain(GaussianSplatting, splatting, scene)) + 0.5
     assert masked > found(replace(look, visible_from=2.0)) + 0.7
+
+
+@pytest.mark.parametrize(
+    ("kind", "config"),
+    [
+        (GaussianInTheWild, GSWConfig(SPLATTING, replace(REFERENCE, rate_maps=2e-3, rate_colour=2e-3))),
+        (WildGS, WildGSConfig(SPLATTING, LIGHT)),
+    ],
+    ids=["gs-w", "wild-gs"],
+)
+def test_a_colour_cast_a_view_is_told_from_the_scene(things, things_in_casts, plain, tmp_path, kind, config):
+    scene, truth = things_in_casts, true_pictures(things)
+    ours, without = fitted(kind, config, scene, tmp_path), plain(GaussianSplatting, SPLATTING, scene)
+    assert held_out(ours, scene, truth) > held_out(without, scene, truth) + 0.5
+
+
+@pytest.mark.parametrize(
+    ("kind", "config", "least"),
+    [(GaussianInTheWild, GSWConfig(GROWING, REFERENCE), 25), (WildGS, WildGSConfig(GROWING, LOOK), 150)],
+    ids=["gs-w", "wild-gs"],
+)
+def test_viewers_see_the_mean_look_and_references_are_not_saved(tmp_path, kind, config, least):
+    scene = photographed(tmp_path, n_views=6, width=37, height=29)
+    method = fitted(kind, config, scene, tmp_path)
+    method.save(tmp_path)
+    check_hidden(method.hidden(0, (29, 37)), (29, 37))
+    assert kind.load(config, 0, tmp_path).hidden(0, (29, 37)) is None
+    camera, shown = scene.test_views[0].camera, read_ply(tmp_path / SPLATS)
+    image = np.clip(render(shown, camera, near=method._trained.near)[0], 0, 1)
+    assert psnr(image, method.render(camera)) > least
 
 
 @pytest.mark.parametrize(("kind", "config", "look"), METHODS)
@@ -82,7 +117,7 @@ def look(images):
 @pytest.mark.parametrize("appearance", [reference, look])
 def test_the_gpu_takes_the_same_steps(tmp_path, cuda_backend, appearance):
     """On the CPU's kernels and on gsplat's, whose kernels are replayed."""
-    assert_the_same_steps(tmp_path, cuda_backend, appearance)
+    assert_the_same_steps(tmp_path, cuda_backend, lambda images: PerceptualObjective(images, 0.2, appearance(images)))
 
 
 @pytest.mark.parametrize(("kind", "part"), [(GaussianInTheWild, "appearance"), (WildGS, "look")])

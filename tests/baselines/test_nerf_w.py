@@ -14,13 +14,13 @@ from baselines.volumetric.rays.batches import Batch
 CONFIG = NerfWConfig(balls.SMALL, transient_width=16, embedding_rate=3e-3)
 
 
-def model(views=3):
-    return NerfWModel(CONFIG, SPACE, torch.Generator().manual_seed(0), views)
+def model():
+    return NerfWModel(CONFIG, SPACE, torch.Generator().manual_seed(0), 3)
 
 
-def batch(n, colours=None):
-    colours = torch.full((n, 3), 0.4) if colours is None else colours
-    return Batch(rays(n), colours, torch.ones(n), torch.arange(n) % 3)
+def losses_of(rendering, colours):
+    n = len(colours)
+    return nerf_w_losses(CONFIG)(rendering, Batch(rays(n), colours, torch.ones(n), torch.arange(n) % 3))
 
 
 class Given(torch.nn.Module):
@@ -59,27 +59,22 @@ def test_static_and_transient_matter_share_what_an_interval_emits():
 
 
 def test_everything_stays_finite_on_empty_saturated_and_identical_rays():
-    static = torch.zeros(6, 4)
+    static, passing, lengths = torch.zeros(6, 4), torch.zeros(6, 4), torch.ones(6, 4)
     static[1], static[2, 0] = 1e9, 1e30
-    passing = torch.zeros(6, 4)
     passing[3], passing[2, 0], passing[4, 3] = 1e9, 1e30, 1e-30
-    lengths = torch.ones(6, 4)
     lengths[:, -1] = INFINITE
     rendering, given = shaded(static, passing, lengths)
-    colours = rendering.colour.detach().clone()  # photographs that are matched exactly
-    losses = nerf_w_losses(CONFIG)(rendering, batch(6, colours))
+    losses = losses_of(rendering, rendering.colour.detach().clone())  # photographs that are matched exactly
     assert {"colour", "uncertainty", "density"} <= set(losses)
     assert all(torch.isfinite(term) for term in losses.values())
-    smallest = rendering.extras["beta"].min().item()
-    assert smallest == pytest.approx(0.03)  # that of an empty ray
+    assert rendering.extras["beta"].min().item() == pytest.approx(0.03)  # that of an empty ray
     sum(losses.values()).backward()
-    assert torch.isfinite(given.static.grad).all()
-    assert torch.isfinite(given.passing.grad).all()
+    assert all(torch.isfinite(density.grad).all() for density in (given.static, given.passing))
 
 
 def test_the_loss_is_its_four_terms():
-    rendering, _ = shaded(torch.tensor([[1.0], [0.0]]), torch.tensor([[0.0], [2.0]]), torch.tensor([[1.0], [1.0]]))
-    losses = nerf_w_losses(CONFIG)(rendering, batch(2))
+    rendering, _ = shaded(torch.tensor([[1.0], [0.0]]), torch.tensor([[0.0], [2.0]]), torch.ones(2, 1))
+    losses = losses_of(rendering, torch.full((2, 3), 0.4))
     weight = 1 - np.exp([-1.0, -2.0])
     beta = 0.03 + np.array([0, 2 * weight[1]])
     error = (np.array([0.25, 0.75]) * weight - 0.4) ** 2

@@ -7,7 +7,18 @@ import numpy as np
 import pytest
 import torch
 from ball_methods import CR_NERF as CONFIG
-from field_rays import SPACE, batch, context, noise, rays, samples, sees_its_view_or_the_mean, shaded, stays_finite
+from field_rays import (
+    SPACE,
+    KnownField,
+    batch,
+    context,
+    noise,
+    rays,
+    samples,
+    sees_its_view_or_the_mean,
+    shaded,
+    stays_finite,
+)
 
 from baselines.cr_nerf.losses import cr_nerf_losses
 from baselines.cr_nerf.model import KEPT, CrNerfModel
@@ -26,60 +37,42 @@ def model(config=CONFIG, views=3):
     return made
 
 
-class Given(torch.nn.Module):
-    """Stands for a field whose densities [R, S] are known, and its features [R, 8]."""
-
-    def __init__(self, density, features=None):
-        super().__init__()
-        self.density = torch.nn.Parameter(density)
-        self.given = torch.full((len(density), 8), 0.25) if features is None else features
-
-    def geometry(self, points):
-        return self.density, torch.zeros(*points.shape[:2], 15)
-
-    def colour(self, features, directions):
-        return self.given[:, None].expand(-1, features.shape[1], -1)
-
-
 def test_the_loss_is_its_terms():
-    density = torch.tensor([[0.5, 2.0], [0.1, 0.2], [3.0, 0.0]])
+    field = KnownField(torch.tensor([[0.5, 2.0], [0.1, 0.2], [3.0, 0.0]]), torch.full((3, 8), 0.25))
     of = replace(batch(3), weights=torch.tensor([1.0, 0.5, 0.0]))
-    rendering = shaded(model(), Given(density), torch.ones(3, 2), of)
+    rendering = shaded(model(), field, torch.ones(3, 2), of)
     extras = rendering.extras | {"m": torch.tensor([0.2, 0.9, 0.6]), "price": torch.tensor(0.5)}
     losses = cr_nerf_losses(CONFIG)(replace(rendering, extras=extras), of)
-    error = (rendering.colour.detach().double().numpy() - 0.4) ** 2
-    expected = np.mean(np.array([0.8, 0.5 * 0.1, 0]) * error.mean(1)) / 2
-    assert losses["colour"].item() == pytest.approx(expected, rel=1e-5)
-    assert losses["size"].item() == pytest.approx(0.5 * np.mean([0.04, 0.5 * 0.81, 0]), rel=1e-5)
+    error = ((rendering.colour.detach().double().numpy() - 0.4) ** 2).mean(1)
     maps = extras["maps"].detach().double().numpy()
+    assert losses["colour"].item() == pytest.approx(np.mean(np.array([0.8, 0.5 * 0.1, 0]) * error) / 2, rel=1e-5)
+    assert losses["size"].item() == pytest.approx(0.5 * np.mean([0.04, 0.5 * 0.81, 0]), rel=1e-5)
     assert losses["style"].item() == pytest.approx(1e-5 * np.mean(maps**2), rel=1e-5)
 
 
 def test_a_step_is_coloured_by_all_its_rays_and_each_rays_photograph():
     made, f = model(), torch.rand(40, 8, generator=torch.Generator().manual_seed(2))
     of = replace(batch(40), views=torch.arange(40) // 20 + 1)
-    made.field = Given(torch.ones(40, 2), f)
     with torch.no_grad():
-        found = made.shade(of.rays, samples(torch.full((40, 2), INFINITE)), context(of)).colour
+        found = shaded(made, KnownField(torch.ones(40, 2), f), torch.full((40, 2), INFINITE), of).colour
         f0 = f - f.mean(0)
         for view in (1, 2):
             style_map = made.encoder(as_seen(made._pictures[[view]]))[0]
-            s = style_map.mean(0)
-            t = made.style((style_map - s)[None]) @ made.content(f0[None])  # in this order
-            mine = of.views == view
-            torch.testing.assert_close(found[mine], made.transform(f0[mine], t, s[None]))
-            reversed_t = made.content(f0[None]) @ made.style((style_map - s)[None])
-            assert (made.transform(f0[mine], reversed_t, s[None]) - found[mine]).abs().max() > 1e-4
+            s, mine = style_map.mean(0), of.views == view
+            by_style, by_content = made.style((style_map - s)[None]), made.content(f0[None])
+            torch.testing.assert_close(found[mine], made.transform(f0[mine], by_style @ by_content, s[None]))
+            turned_round = made.transform(f0[mine], by_content @ by_style, s[None])
+            assert (turned_round - found[mine]).abs().max() > 1e-4
 
 
 def test_everything_stays_finite_on_empty_saturated_and_identical_rays():
-    stays_finite(model, Given, cr_nerf_losses(CONFIG), lambda made: made.transients)
+    stays_finite(model, 8, cr_nerf_losses(CONFIG), "transients")
 
 
 @pytest.mark.parametrize("background", [None, (0.2, 0.6, 0.9)])
 def test_where_a_ray_meets_nothing_the_background_is_seen(background):
     made = model(replace(CONFIG, volumetric=replace(balls.SMALL, background=background)))
-    made.field = Given(torch.zeros(2, 3))
+    made.field = KnownField(torch.zeros(2, 3), torch.full((2, 8), 0.25))
     with torch.no_grad():
         colour = made.shade(rays(2), samples(torch.ones(2, 3)), None).colour
     torch.testing.assert_close(colour, torch.tensor(background or (0.0, 0.0, 0.0)).expand(2, -1))
@@ -127,13 +120,13 @@ def test_what_is_kept_is_that_of_the_last_visit_and_the_mean_of_steps():
         made.after_step(first, of)
         torch.testing.assert_close(made.style_means[:2], before[:2], rtol=0, atol=0)
         assert (made.style_means[2] - before[2]).abs().min() > 0.1
-        torch.testing.assert_close(made.content_mean, first.extras["content_mean"])  # nothing of the start remains
+        mean = first.extras["content_mean"]
+        torch.testing.assert_close(made.content_mean, mean)  # nothing of the start remains
         torch.testing.assert_close(made.content_matrix, first.extras["content_matrix"])
-        extras = first.extras | {"content_mean": first.extras["content_mean"] + 1}
         for _ in range(199):
-            made.after_step(replace(first, extras=extras), of)
-    mean, weight = 0.0, 0.0  # of what was added: from the hundredth step on each counts a hundredth
+            made.after_step(replace(first, extras=first.extras | {"content_mean": mean + 1}), of)
+    added = 0.0  # from the hundredth step on each counts a hundredth
     for step in range(1, 200):
         weight = max(1 - KEPT, 1 / (1 + step))
-        mean = (1 - weight) * mean + weight
-    torch.testing.assert_close(made.content_mean, first.extras["content_mean"] + mean)
+        added = (1 - weight) * added + weight
+    torch.testing.assert_close(made.content_mean, mean + added)

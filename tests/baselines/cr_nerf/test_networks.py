@@ -18,12 +18,12 @@ def features(*shape, seed=0):
     return values - values.mean(-2, keepdim=True)
 
 
-def mixing(config=CONFIG, size=5):
-    return Mixing(config, size, torch.Generator().manual_seed(0))
+def mixing():
+    return Mixing(CONFIG, 5, torch.Generator().manual_seed(0))
 
 
-def transform(config=CONFIG, size=5):
-    return CrossRayTransform(config, size, torch.Generator().manual_seed(0))
+def transform(config=CONFIG):
+    return CrossRayTransform(config, 5, torch.Generator().manual_seed(0))
 
 
 def matrix_by_hand(network, x):
@@ -63,25 +63,27 @@ def test_matrices_start_as_the_identity(case):
 
 
 def test_with_matrices_as_large_as_the_features_nothing_is_lost_at_first():
-    network, rays = transform(TransformConfig(size=5, hidden=(4,))), features(40, 5)
+    network, smaller, rays = transform(TransformConfig(size=5, hidden=(4,))), transform(), features(40, 5)
     colours = network(rays, torch.eye(5)[None], torch.zeros(1, 5))
     torch.testing.assert_close(colours, torch.sigmoid(network.exit(rays)))
-    smaller = transform()
     kept = smaller.expand(smaller.compress(rays))
     torch.testing.assert_close(smaller.expand(smaller.compress(kept)), kept)  # a projection
 
 
-STYLE = StyleConfig(channels=(2, 3, 4), side=16)
-
-
-def encoder(config=STYLE):
+def encoder(**changes):
+    config = StyleConfig(**{"channels": (2, 3, 4), "side": 16, **changes})
     return StyleEncoder(config, 5, torch.Generator().manual_seed(0))
 
 
-def pooled(x, how):
-    """Blocks of 2 x 2 pixels."""
+def assert_makes(network, picture, expected):
+    found = network(torch.from_numpy(picture[None]).float())[0].detach()
+    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-5)
+
+
+def pooled(x):
+    """The largest values of blocks of 2 x 2 pixels."""
     channels, height, width = x.shape
-    return how(x.reshape(channels, height // 2, 2, width // 2, 2), axis=(2, 4))
+    return x.reshape(channels, height // 2, 2, width // 2, 2).max(axis=(2, 4))
 
 
 def test_the_map_is_that_of_its_layers():
@@ -90,18 +92,16 @@ def test_the_map_is_that_of_its_layers():
     x = convolved(network.colours, picture)
     for layer in network.first:
         x = leaky(convolved(layer, x), SLOPE)
-    x = pooled(x, np.max)
+    x = pooled(x)
     for layer in network.second:
         x = leaky(convolved(layer, x), SLOPE)
-    x = leaky(convolved(network.third[0], pooled(x, np.max)), SLOPE)
-    expected = leaky(convolved(network.exit, x), SLOPE)
-    found = network(torch.from_numpy(picture[None]).float())[0].detach()
-    np.testing.assert_allclose(found, expected.reshape(5, 16).T, rtol=1e-4, atol=1e-5)
+    x = leaky(convolved(network.third[0], pooled(x)), SLOPE)
+    assert_makes(network, picture, leaky(convolved(network.exit, x), SLOPE).reshape(5, 16).T)
 
 
 @pytest.mark.parametrize(("side", "places"), [(8, 4), (24, 36), (31, 49)])
 def test_maps_have_a_sixteenth_of_the_places_of_a_picture(side, places):
-    maps = encoder(StyleConfig(channels=(2, 2, 2), side=side))(torch.zeros(2, 3, side, side))
+    maps = encoder(channels=(2, 2, 2), side=side)(torch.zeros(2, 3, side, side))
     assert maps.shape == (2, places, 5)
     assert torch.isfinite(maps).all()
 
@@ -119,8 +119,7 @@ def test_masks_are_those_of_the_layers():
         x = x + leaky(convolved(layer, x), SLOPE)
     expected = 1 / (1 + np.exp(-convolved(made.exit, x)[0]))
     assert expected.shape == (6, 6)
-    found = made(torch.from_numpy(picture[None]).float())[0].detach()
-    np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-5)
+    assert_makes(made, picture, expected)
 
 
 @pytest.mark.parametrize("at_first", [0.05, 0.5])
@@ -131,8 +130,7 @@ def test_masks_start_the_same_everywhere(at_first):
 
 def test_masks_are_read_bilinearly():
     masks = torch.rand(3, 5, 7, generator=torch.Generator().manual_seed(0))
-    places = torch.rand(200, 2, generator=torch.Generator().manual_seed(1))
-    which = torch.arange(200) % 3
+    places, which = torch.rand(200, 2, generator=torch.Generator().manual_seed(1)), torch.arange(200) % 3
     grid = (2 * places.flip(1) - 1)[None, None].expand(3, -1, -1, -1)
     expected = torch.nn.functional.grid_sample(masks[:, None], grid, padding_mode="border", align_corners=False)
     torch.testing.assert_close(read(masks, which, places), expected[which, 0, 0, torch.arange(200)])

@@ -19,9 +19,9 @@ CPU = torch.device("cpu")
 NAME = "dinov2_vits14_reg4_pretrain.pth"
 
 
-def tiny(depth=2, seed=0):
+def tiny(depth=2):
     """A small network whose weights are all random."""
-    torch.manual_seed(seed)
+    torch.manual_seed(0)
     network = VisionTransformer(**{**TINY, "depth": depth})
     for parameter in network.parameters():
         torch.nn.init.normal_(parameter, 0, 0.3)
@@ -30,11 +30,10 @@ def tiny(depth=2, seed=0):
 
 def reference_block(block):
     """The same block made of torch's own transformer layer."""
-    width = TINY["width"]
+    width, attention, mlp = TINY["width"], block.attn, block.mlp
     layer = torch.nn.TransformerEncoderLayer(
         width, TINY["heads"], 4 * width, 0.0, "gelu", 1e-6, batch_first=True, norm_first=True
     )
-    attention, mlp = block.attn, block.mlp
     state = {
         "self_attn.in_proj_weight": attention.qkv.weight,
         "self_attn.in_proj_bias": attention.qkv.bias,
@@ -65,12 +64,12 @@ def test_blocks_are_those_of_torch():
 def test_pictures_may_have_any_number_of_patches():
     network = tiny()
     assert network(torch.zeros(3, 28, 70)).shape == (24, 2, 5)
-    with torch.no_grad():
-        network.pos_embed[:, 1:] = torch.linspace(0, 1, 3).repeat_interleave(3)[None, :, None]  # rises downwards
-    positions = network.positions(6, 2)[1:].unflatten(0, (6, 2))
+    network.pos_embed[:, 1:] = torch.linspace(0, 1, 3).repeat_interleave(3)[None, :, None]  # rises downwards
+    first, rest = network.positions(6, 2).split([1, 12])
+    positions = rest.unflatten(0, (6, 2))
     assert torch.allclose(positions[:, 0], positions[:, 1], atol=1e-6)
     assert (positions[1:, 0] > positions[:-1, 0]).all()
-    assert torch.equal(network.positions(6, 2)[0], network.pos_embed[0, 0])
+    assert torch.equal(first[0], network.pos_embed[0, 0])
     assert torch.equal(network.positions(3, 3), network.pos_embed[0])
 
 
@@ -83,20 +82,17 @@ def test_the_full_network_has_the_published_shapes():
     assert shapes["blocks.5.attn.qkv.weight"] == (1152, 384)
     assert shapes["blocks.5.mlp.fc1.weight"] == (1536, 384)
     layers = "norm1", "norm2", "attn.qkv", "attn.proj", "mlp.fc1", "mlp.fc2"
-    weights = {f"blocks.0.{layer}.{part}" for layer in layers for part in ("weight", "bias")}
-    assert {name for name in shapes if name.startswith("blocks.0.")} == weights | {
-        "blocks.0.ls1.gamma",
-        "blocks.0.ls2.gamma",
-    }
+    first = {f"{layer}.{part}" for layer in layers for part in ("weight", "bias")} | {"ls1.gamma", "ls2.gamma"}
+    assert {name.removeprefix("blocks.0.") for name in shapes if name.startswith("blocks.0.")} == first
 
 
 @pytest.fixture
 def published(tmp_path, monkeypatch):
     """A server with weights of a small network of three blocks, of which two are wanted; returns it and the network."""
-    deep = tiny(3)
-    path = tmp_path / "published.pth"
+    deep, path = tiny(3), tmp_path / "published.pth"
     torch.save({**deep.state_dict(), "mask_token": torch.zeros(1, 24)}, path)
     content = path.read_bytes()
+    monkeypatch.delenv("HYDROVIEWS_DINOV2", raising=False)
     monkeypatch.setenv("HYDROVIEWS_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(dinov2, "SHA256", hashlib.sha256(content).hexdigest())
     monkeypatch.setattr(dinov2, "VisionTransformer", lambda: VisionTransformer(**TINY))
@@ -137,17 +133,16 @@ class Trap:
 def test_another_file_is_refused_before_it_is_opened(published, tmp_path, monkeypatch):
     trap = tmp_path / "trap.pth"
     trap.write_bytes(pickle.dumps(Trap(tmp_path / "ran")))
+    published[0].files[f"/{NAME}"] = trap.read_bytes()
+    with pytest.raises(InputError, match="wrong checksum"):
+        load_dinov2(CPU)
+    assert not (tmp_path / "cache" / NAME).exists()
     monkeypatch.setenv("HYDROVIEWS_DINOV2", str(trap))
     with pytest.raises(InputError, match=r"not DINOv2's weights(.|\n)*expected: [0-9a-f]{64}"):
         load_dinov2(CPU)
     with pytest.raises(pickle.UnpicklingError):
         with_weights(VisionTransformer(**TINY), trap)  # nor would it have run
     assert not (tmp_path / "ran").exists()
-    published[0].files[f"/{NAME}"] = trap.read_bytes()
-    monkeypatch.delenv("HYDROVIEWS_DINOV2")
-    with pytest.raises(InputError, match="wrong checksum"):
-        load_dinov2(CPU)
-    assert not (tmp_path / "cache" / NAME).exists()
 
 
 def test_a_copy_may_be_named(published, tmp_path, monkeypatch):
@@ -176,11 +171,13 @@ def test_a_lack_of_memory_says_what_to_do(published, monkeypatch):
 
 
 def test_the_network_is_a_setting_of_the_profile(monkeypatch):
+    def features(profile):
+        return WildGaussians.configuration(profile).uncertainty.features
+
     monkeypatch.delenv("HYDROVIEWS_FEATURES", raising=False)
-    chosen = {name: WildGaussians.configuration(name).uncertainty.features for name in ("demo", "standard", "paper")}
-    assert chosen == {"demo": "alexnet", "standard": "alexnet", "paper": "dinov2"}
+    assert [features(profile) for profile in ("demo", "standard", "paper")] == ["alexnet", "alexnet", "dinov2"]
     monkeypatch.setenv("HYDROVIEWS_FEATURES", "alexnet")
-    assert WildGaussians.configuration("paper").uncertainty.features == "alexnet"
+    assert features("paper") == "alexnet"
     monkeypatch.setenv("HYDROVIEWS_FEATURES", "auto")
     with pytest.raises(InputError, match="dinov2 or alexnet"):
-        WildGaussians.configuration("standard")
+        features("standard")

@@ -33,9 +33,16 @@ class AllThatIsShown(TrimmedPixels):
         return np.ones_like(residuals) if ignored is None else (~ignored).astype(np.float32)
 
 
+AT_ONCE = RobustFilterConfig(SPLATTING, TrimConfig(fade_in=1e-6))
+
+
 def objective(kind, images, config=RobustFilterConfig(SPLATTING)):  # noqa: B008 (frozen)
     splatting = config.splatting
     return Objective(images, splatting.lambda_dssim, pixel_weights=kind(images, config.trim, splatting, 0))
+
+
+def grey(level, ignored=()):
+    return TrainingImages([np.full((24, 32, 3), level, np.uint8)], ignored)
 
 
 def random(seed, *shape):
@@ -58,8 +65,7 @@ def test_masks_fade_in_by_their_closed_form():
 
 
 def test_the_loss_is_that_of_the_inliers_and_the_same_as_ever_where_all_are():
-    images = TrainingImages([np.full((24, 32, 3), 102, np.uint8)])
-    config = RobustFilterConfig(replace(SPLATTING, lambda_dssim=0.0), TrimConfig(fade_in=1e-6))
+    images, config = grey(102), replace(AT_ONCE, splatting=replace(SPLATTING, lambda_dssim=0.0))
     image = np.full((24, 32, 3), 0.4105, np.float32)
     image[8:16, 8:16] = 0.9
     loss, gradient = objective(TrimmedPixels, images, config)(image, 0, 100, BufferPool())
@@ -75,28 +81,23 @@ def test_the_loss_is_that_of_the_inliers_and_the_same_as_ever_where_all_are():
 
 
 def test_what_is_hidden_moves_neither_percentiles_nor_the_share_of_pixels_that_count():
-    images = TrainingImages([np.full((24, 32, 3), 200, np.uint8)], [np.indices((24, 32))[1] < 16])
-    rule = objective(AllThatIsShown, images, RobustFilterConfig(SPLATTING, TrimConfig(fade_in=1e-6)))
+    rule = objective(AllThatIsShown, grey(200, [np.indices((24, 32))[1] < 16]), AT_ONCE)
     rule(random(0, 24, 32, 3), 0, 9, BufferPool())
     assert rule.pixel_weights.histogram.counts.sum() == 24 * 16
     assert rule.report() == {"pixels": "100%"}
 
 
 def test_a_mask_that_eats_everything_is_given_up_with_a_warning(caplog):
-    images = TrainingImages([np.full((24, 32, 3), 200, np.uint8)])
-    config = RobustFilterConfig(SPLATTING, TrimConfig(fade_in=1e-6))
-    rule, image = objective(Greedy, images, config), random(0, 24, 32, 3)
+    images, image = grey(200), random(0, 24, 32, 3)
+    rule, again = (objective(Greedy, images, AT_ONCE) for _ in range(2))
     with caplog.at_level(logging.WARNING):
         for iteration in range(RECENT):
             assert not rule.pixel_weights.given_up
             rule(image, 0, iteration, BufferPool())
     assert "masks leave 2.0 % of the pixels" in caplog.text  # those of the first step, before masks fade in
-    usual = Objective(images)(image, 0, RECENT, BufferPool())
-    assert rule(image, 0, RECENT, BufferPool())[0] == usual[0]
-    assert rule.report() == {"pixels": "all, masks given up"}
-    again = objective(Greedy, images, config)
+    assert rule(image, 0, RECENT, BufferPool())[0] == Objective(images)(image, 0, RECENT, BufferPool())[0]
     again.load_state_dict(rule.state_dict())
-    assert again.report() == rule.report()
+    assert again.report() == rule.report() == {"pixels": "all, masks given up"}
     assert caplog.text.count("masks leave") == 1
 
 
@@ -122,21 +123,17 @@ def test_older_views_count_for_less_and_hidden_pixels_for_nothing():
     histogram = ResidualHistogram(0.5)
     histogram.observe(np.full((2, 2), 0.9, np.float32))
     histogram.observe(np.array([[0.1, 0.5]], np.float32), np.array([[False, True]]))
-    assert histogram.counts[9000] == 2
-    assert histogram.counts[1000] == 1
-    assert histogram.counts.sum() == 3
+    assert (histogram.counts[1000], histogram.counts[9000], histogram.counts.sum()) == (1, 2, 3)
     assert [histogram.percentile(share) for share in (0.33, 0.34)] == [1000, 9000]
 
 
 def test_neighbours_vote_for_a_residual_that_stands_alone():
-    residuals = np.zeros((9, 9), np.float32)
+    residuals, brute = np.zeros((9, 9), np.float32), np.zeros((9, 9), bool)
     residuals[4, 4] = 1  # alone: detail
     residuals[0, 7:] = residuals[1, 7:] = 1  # in a corner, 4 of 4
     found = inliers(residuals, 0)
     assert found[4, 4]
     assert not found[0, 8]
-    assert found[:7, :5].all()
-    brute = np.zeros((9, 9), bool)
     for y, x in np.ndindex(9, 9):
         around = residuals[max(y - 1, 0) : y + 2, max(x - 1, 0) : x + 2] == 0
         brute[y, x] = residuals[y, x] == 0 or around.mean() > 0.5
@@ -144,10 +141,8 @@ def test_neighbours_vote_for_a_residual_that_stands_alone():
 
 
 def test_hidden_neighbours_have_no_vote():
-    residuals = np.ones((3, 3), np.float32)
-    residuals[0] = 0
-    hidden = np.zeros((3, 3), bool)
-    hidden[2] = True
+    residuals, hidden = np.ones((3, 3), np.float32), np.zeros((3, 3), bool)
+    residuals[0], hidden[2] = 0, True
     assert not inliers(residuals, 0)[1, 1]  # three of nine
     assert not inliers(residuals, 0, hidden)[1, 1]  # three of six: no majority
     hidden[1, 0] = True

@@ -26,23 +26,27 @@ CONFIG = OccNerfConfig(VOLUMETRIC, VOLUMETRIC.field, gap=0.35, alone=0.1, depth_
 COUNT = 40
 
 
-def model(config=CONFIG):
+def model():
     """Untrained, but with something in every cell of its grids."""
     generator = torch.Generator().manual_seed(0)
-    made = OccNerfModel(config, SPACE, generator)
+    made = OccNerfModel(CONFIG, SPACE, generator)
     with torch.no_grad():
         for part in (made.field, made.background, made.proposal):
             part.grid.tables.uniform_(-1, 1, generator=generator)
     return made
 
 
-def batch(n=COUNT, **changes):
-    given = {"colours": torch.full((n, 3), 0.4), "weights": torch.ones(n), "views": torch.arange(n) % 3}
-    return Batch(rays(n), **(given | changes))
+def batch(**changes):
+    given = {"colours": torch.full((COUNT, 3), 0.4), "weights": torch.ones(COUNT), "views": torch.arange(COUNT) % 3}
+    return Batch(rays(COUNT), **(given | changes))
 
 
-def context(progress, n=COUNT):
-    return TrainingContext(torch.arange(n) % 3, torch.full((2, n), 0.5), progress=progress)
+def rendered(field, progress=1.0):
+    return field(rays(COUNT), TrainingContext(torch.arange(COUNT) % 3, torch.full((2, COUNT), 0.5), progress=progress))
+
+
+def losses_of(field, of, progress=1.0):
+    return occ_nerf_losses(CONFIG)(rendered(field, progress), of)
 
 
 def decided(field, foreground):
@@ -53,9 +57,23 @@ def decided(field, foreground):
     return field
 
 
-def moved(module):
-    """Whether any parameter has a gradient that is not nought."""
-    return any(p.grad is not None and bool(p.grad.abs().sum() > 0) for p in module.parameters())
+@pytest.mark.parametrize(
+    ("name", "moves"),
+    [
+        ("colour", "field"),
+        ("detector", "detector"),
+        ("interlevel", "proposal"),
+        ("background interlevel", "proposal"),
+        ("background", "background"),
+        ("depth", "background"),
+    ],
+)
+def test_each_loss_moves_its_own_part_alone(name, moves):
+    field = decided(model(), foreground=False)
+    losses_of(field, batch())[name].backward()
+    for part in ("field", "background", "proposal", "detector"):
+        gradients = [p.grad.abs().sum() for p in getattr(field, part).parameters() if p.grad is not None]
+        assert (sum(gradients) > 0) == (part == moves), part
 
 
 def filled(field, density):
@@ -66,10 +84,8 @@ def filled(field, density):
 
 
 def test_the_background_is_learned_after_the_share_in_which_the_others_are_alone():
-    field, loss = model(), occ_nerf_losses(CONFIG)
-    early, late = (
-        loss(field(rays(COUNT), context(progress)), batch()) for progress in (CONFIG.alone - 1e-3, CONFIG.alone)
-    )
+    field = model()
+    early, late = (losses_of(field, batch(), progress) for progress in (CONFIG.alone - 1e-3, CONFIG.alone))
     assert set(early) == {"colour", "detector", "interlevel"}
     assert set(late) == {*early, "background", "depth", "background interlevel"}
     assert (early["detector"] / late["detector"]).item() == pytest.approx(3, rel=1e-4)
@@ -77,47 +93,26 @@ def test_the_background_is_learned_after_the_share_in_which_the_others_are_alone
 
 def test_losses_are_those_of_the_formulas():
     with torch.no_grad():
-        rendering = model()(rays(COUNT), context(1.0))
+        rendering = rendered(model())
     rendering.extras["foreground"] = torch.rand(COUNT, generator=torch.Generator().manual_seed(1))
     losses, extras = occ_nerf_losses(CONFIG)(rendering, batch()), rendering.extras
     kept = (extras["foreground"] < 0.5).float()
     assert 0.1 < float(kept.mean()) < 0.9
     error = (extras["background_colour"] - 0.4).square().mean(1)
     apart = (extras["background_depth"] - extras["depth"]).abs()
-    m, gap = extras["foreground"] - 0.5, extras["gap"] - CONFIG.gap
+    cosine = torch.nn.functional.cosine_similarity(extras["foreground"] - 0.5, extras["gap"] - CONFIG.gap, dim=0)
     assert losses["background"].item() == pytest.approx(2 * (kept * error).mean().item())
     assert losses["depth"].item() == pytest.approx(CONFIG.depth_weight * (kept * apart).mean().item())
-    cosine = torch.nn.functional.cosine_similarity(m, gap, dim=0)
     assert losses["detector"].item() == pytest.approx(0.01 * (1 - cosine.item()), rel=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("name", "moves"),
-    [
-        ("colour", {"field"}),
-        ("detector", {"detector"}),
-        ("interlevel", {"proposal"}),
-        ("background interlevel", {"proposal"}),
-        ("background", {"background"}),
-        ("depth", {"background"}),
-    ],
-)
-def test_each_loss_moves_its_own_part_alone(name, moves):
-    field = decided(model(), foreground=False)
-    occ_nerf_losses(CONFIG)(field(rays(COUNT), context(1.0)), batch())[name].backward()
-    parts = ("field", "background", "proposal", "detector")
-    assert {part for part in parts if moved(getattr(field, part))} == moves
 
 
 def test_everything_taken_for_foreground_is_said_once_and_not_followed(caplog):
     field, loss = decided(model(), foreground=True), occ_nerf_losses(CONFIG)
     with caplog.at_level(logging.WARNING):
-        first = loss(field(rays(COUNT), context(1.0)), batch())
-        loss(field(rays(COUNT), context(1.0)), batch())
+        first, _ = (loss(rendered(field), batch()) for _ in range(2))
     assert [record.levelname for record in caplog.records] == ["WARNING"]
     assert "takes 100.0 % of the rays for foreground" in caplog.text
-    follows = occ_nerf_losses(CONFIG)(decided(field, foreground=False)(rays(COUNT), context(1.0)), batch())
-    assert torch.equal(first["background"], follows["background"])
+    assert torch.equal(first["background"], losses_of(decided(field, foreground=False), batch())["background"])
 
 
 @pytest.mark.parametrize("density", [1e-12, 1.0, 1e12], ids=["empty", "fog", "saturated"])
@@ -127,7 +122,7 @@ def test_losses_and_gradients_stay_finite(density, counts, foreground):
     field = decided(model(), foreground)
     filled(field.field, density)
     filled(field.background, density)
-    rendering = field(rays(COUNT), context(1.0))
+    rendering = rendered(field)
     seen = batch(colours=rendering.colour.detach().clone(), weights=torch.full((COUNT,), counts))
     losses = occ_nerf_losses(CONFIG)(rendering, seen)
     sum(losses.values()).backward()
@@ -172,15 +167,14 @@ def test_what_stands_close_before_the_cameras_is_seen_past(occluded, trained, tm
 
 
 def test_the_posts_are_found(occluded, trained):
-    found, size = {True: [], False: []}, (wall.HEIGHT, wall.WIDTH)
-    for view in occluded.train_views:
-        hidden = wall.occluded(*view.camera.centre[:2]).ravel()
+    planes, hidden, size = [], [], (wall.HEIGHT, wall.WIDTH)
+    for index, view in enumerate(occluded.train_views):
         m = trained.model.foreground(trained.model.space.from_world(camera_rays(view.camera), torch.device("cpu")))
-        for value in (True, False):
-            found[value].append((m.numpy() >= 0.5)[hidden == value])
-    assert np.concatenate(found[True]).mean() > 0.5
-    assert np.concatenate(found[False]).mean() < 0.1
+        planes.append(trained.hidden(index, size))
+        hidden.append(wall.occluded(*view.camera.centre[:2]).reshape(size))
+        check_hidden(planes[-1], size)
+        assert np.array_equal(planes[-1], m.numpy().reshape(size))
+    found, posts = np.array(planes) >= 0.5, np.array(hidden)
+    assert found[posts].mean() > 0.5
+    assert found[~posts].mean() < 0.1
     assert "foreground" in trained.summary().used
-    plane = trained.hidden(len(occluded.train_views) - 1, size)
-    check_hidden(plane, size)
-    assert np.array_equal(plane, m.numpy().reshape(size))  # of the last view

@@ -2,6 +2,7 @@
 
 import math
 import resource
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -24,9 +25,8 @@ def run(tmp_path_factory):
 
 
 def read_film(path) -> tuple[np.ndarray, float, str]:
-    capture = cv2.VideoCapture(str(path))
+    capture, frames = cv2.VideoCapture(str(path)), []
     code = int(capture.get(cv2.CAP_PROP_FOURCC)).to_bytes(4, "little").decode()
-    frames = []
     while (got := capture.read())[0]:
         frames.append(got[1][..., ::-1] / 255)
     return np.array(frames), capture.get(cv2.CAP_PROP_FPS), code
@@ -45,44 +45,41 @@ def test_a_film_has_the_frames_asked_for_in_a_codec_that_browsers_play(run, tmp_
 
 
 def test_an_interrupted_film_goes_on_with_the_frames_it_has(run, tmp_path, monkeypatch):
-    rendered = []
+    out, rendered, render = tmp_path / "film.mp4", [], Cloud.render
 
-    def render(self, camera, render=Cloud.render):
-        if len(rendered) == 4:
-            raise KeyboardInterrupt
+    def interrupted(self, camera):
         rendered.append(camera)
+        if len(rendered) == 5:
+            raise KeyboardInterrupt
         return render(self, camera)
 
-    out = tmp_path / "film.mp4"
-    with monkeypatch.context() as patch:
-        patch.setattr(Cloud, "render", render)
-        with pytest.raises(KeyboardInterrupt):
-            film(run.folder, run.data.parent, out, CHOICE)
+    monkeypatch.setattr(Cloud, "render", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        film(run.folder, run.data.parent, out, CHOICE)
     frames = sorted((tmp_path / "film-frames").glob("*.png"))
     assert len(frames) == 4
     assert not out.exists()
     with pytest.raises(InputError, match="another film"):
-        film(run.folder, run.data.parent, out, FilmChoice(seconds=0.5, fps=12, size=48))
-    stamps = [path.stat().st_mtime_ns for path in frames]
-    kept, remaining = [read_image(path) for path in frames], []
+        film(run.folder, run.data.parent, out, replace(CHOICE, size=48))
+    stamps, kept = [path.stat().st_mtime_ns for path in frames], [read_image(path) for path in frames]
 
-    def count(self, camera, render=Cloud.render):
-        remaining.append(camera)
+    def watched(self, camera):
+        rendered.append(camera)
         assert [path.stat().st_mtime_ns for path in frames] == stamps
         return render(self, camera)
 
-    monkeypatch.setattr(Cloud, "render", count)
+    rendered.clear()
+    monkeypatch.setattr(Cloud, "render", watched)
     film(run.folder, run.data.parent, out, CHOICE)
-    assert len(remaining) == 2
+    assert len(rendered) == 2
     assert np.abs(read_film(out)[0][:4] - kept).mean() < 0.05
     assert not (tmp_path / "film-frames").exists()
 
 
 def test_a_film_that_a_full_disk_cuts_short_does_not_replace_a_whole_one(tmp_path):
-    noise = np.random.default_rng(0)
+    noise, out = np.random.default_rng(0), tmp_path / "film.mp4"
     for index in range(12):
         write_png(tmp_path / "frames" / f"{index:05d}.png", noise.random((48, 64, 3)).astype(np.float32))
-    out = tmp_path / "film.mp4"
     write_bytes(out, b"of before")
     unlimited = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (4000, unlimited[1]))  # bytes of a file, in place of a full disk

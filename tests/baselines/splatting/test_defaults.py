@@ -63,16 +63,16 @@ def test_large_gaussians_go_from_the_first_refinement_on():
     assert len(DefaultStrategy().refine(state, 1.0, 0).gaussians) == 2  # theirs: 3 until after 3,000 iterations
 
 
+CAMERAS = [camera(40, 30, angle) for angle in np.linspace(0, 6, 12)]
+
+
 def test_misplaced_cameras_do_not_stretch_the_extent():
-    cameras = [camera(40, 30, angle) for angle in np.linspace(0, 6, 12)]
-    stray = [*cameras, camera(40, 30, origin=(1000, 0, 0))]
-    nothing = np.zeros((0, 3))
-    assert scene_extent(stray, nothing)[1] == pytest.approx(scene_extent(cameras, nothing)[1])
+    stray, nothing = [*CAMERAS, camera(40, 30, origin=(1000, 0, 0))], np.zeros((0, 3))
+    assert scene_extent(stray, nothing)[1] == pytest.approx(scene_extent(CAMERAS, nothing)[1])
 
 
 def test_a_lonely_point_starts_no_larger_than_a_share_of_the_extent():
-    cameras = [camera(40, 30, angle) for angle in np.linspace(0, 6, 12)]
     positions = np.random.default_rng(0).normal(0, 0.1, (120, 3))
     positions[0] = (50, 0, 0)
-    gaussians = initialise(Points(positions, np.zeros((120, 3), np.uint8)), cameras, 0, 0)
-    assert np.exp(gaussians.log_scales.max()) == pytest.approx(LARGEST * scene_extent(cameras, positions)[1], rel=1e-5)
+    gaussians = initialise(Points(positions, np.zeros((120, 3), np.uint8)), CAMERAS, 0, 0)
+    assert np.exp(gaussians.log_scales.max()) == pytest.approx(LARGEST * scene_extent(CAMERAS, positions)[1], rel=1e-5)

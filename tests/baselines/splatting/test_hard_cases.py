@@ -24,21 +24,19 @@ def first(**values):
     return gaussians
 
 
-def along(axis, length, thickness):
-    """Log scales of a needle."""
+def needle(axis, length, thickness, **values):
+    """The same, the first a needle three units away."""
     scales = np.full(3, np.log(thickness))
     scales[axis] = np.log(length)
-    return scales
+    return first(log_scales=scales, means=[0.1, 0.05, 3.0], **values)
 
 
 def row_of(depths, logit, scale=0.2, degree=0):
     """Round Gaussians on the optical axis of AHEAD, of several colours."""
-    n = len(depths)
-    means = np.zeros((n, 3), np.float32)
-    means[:, 2] = depths
-    scales = np.full((n, 3), np.log(scale), np.float32)
-    logits = np.full(n, logit, np.float32)
-    return replace(cloud(n, degree, seed=4), means=means, log_scales=scales, opacity_logits=logits)
+    gaussians = with_values(cloud(len(depths), degree, seed=4), "means", slice(None), 0)
+    gaussians = with_values(gaussians, "means", np.s_[:, 2], depths)
+    gaussians = with_values(gaussians, "log_scales", slice(None), np.log(scale))
+    return with_values(gaussians, "opacity_logits", slice(None), logit)
 
 
 SCREENS = {f"{n:g} screens wide": np.log(n * np.array([4, 9, 3.0])) for n in (30, 3e4, 3e7)}
@@ -87,8 +85,7 @@ def test_at_the_near_plane_and_a_hair_on_both_sides(toward, shown, log_scale):
 
 
 def endless(axis, log_length, quaternion=OBLIQUE):
-    scales = along(axis, np.exp(np.float64(log_length)), np.exp(-2))
-    return first(log_scales=scales, quaternions=quaternion, means=[0.1, 0.05, 3.0])
+    return needle(axis, np.exp(np.float64(log_length)), np.exp(-2), quaternions=quaternion)
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
@@ -114,12 +111,8 @@ def test_an_infinite_needle_has_finite_gradients(axis, quaternion):
 @pytest.mark.parametrize("tilt", [0.0, 0.01, 0.7])
 def test_needles_from_the_side_and_along_their_length(axis, length, ratio, tilt):
     """Along z one looks along the needle; a hair of tilt makes the covariance as ill-conditioned as can be."""
-    gaussians = first(
-        log_scales=along(axis, length, length / ratio),
-        means=[0.1, 0.05, 3.0],
-        quaternions=[np.cos(tilt / 2), *(np.sin(tilt / 2) * np.array([0.6, 0.8, 0]))],
-        opacity_logits=2.0,
-    )
+    quaternion = [np.cos(tilt / 2), *(np.sin(tilt / 2) * np.array([0.6, 0.8, 0]))]
+    gaussians = needle(axis, length, length / ratio, quaternions=quaternion, opacity_logits=2.0)
     assert assert_same(gaussians, AHEAD, image_error=1e-4, gradient_error=1e-3, first_error=1e-3).visible[0]
 
 

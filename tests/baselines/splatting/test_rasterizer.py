@@ -2,12 +2,12 @@
 
 from dataclasses import replace
 
-import numba
 import numpy as np
 import pytest
 import torch
 from against_float64 import assert_same, random_weights, rendered
-from splats import BACKGROUND, camera, cloud
+from splats import BACKGROUND, camera, cloud, with_values
+from thread_counts import assert_same_on_two_threads
 
 from baselines.splatting.backends import torch_rasterizer as reference
 from baselines.splatting.gaussians import FIELDS, join
@@ -20,10 +20,8 @@ VIEW = camera(WIDTH, HEIGHT)
 
 def needles():
     """A width of a few hundredths of a pixel: the determinant's entries cancel to one part in 10^8."""
-    gaussians = cloud(40, 0, seed=5)
-    gaussians.log_scales[:] = np.log([2.0, 1e-3, 1e-3])
-    gaussians.opacity_logits[:] = 4
-    return gaussians
+    gaussians = with_values(cloud(40, 0, seed=5), "log_scales", slice(None), np.log([2.0, 1e-3, 1e-3]))
+    return with_values(gaussians, "opacity_logits", slice(None), 4)
 
 
 @pytest.mark.parametrize(
@@ -48,10 +46,8 @@ def test_image_and_gradients_match_the_reference(gaussians, view, options):
 
 def test_antialiasing_keeps_what_a_small_gaussian_adds_to_the_image():
     """Widened to a pixel or not, it brings the same light; without, twice as far away it would bring as much."""
-    one = cloud(1, 0, seed=6)
-    one = replace(one, means=np.zeros((1, 3), np.float32), sh=np.ones((1, 1, 3), np.float32))
-    one.log_scales[:] = np.log(0.02)  # a quarter of a pixel
-    one.opacity_logits[:] = 5
+    one = with_values(with_values(cloud(1, 0, seed=6), "means", 0, 0), "sh", 0, 1)
+    one = with_values(with_values(one, "log_scales", 0, np.log(0.02)), "opacity_logits", 0, 5)  # a quarter of a pixel
 
     def light(antialiased, factor):
         view = camera(WIDTH * factor, HEIGHT * factor)
@@ -85,14 +81,11 @@ def test_depth_is_the_mean_of_what_a_pixel_shows():
 
 
 def test_the_result_does_not_depend_on_the_number_of_threads():
-    if numba.config.NUMBA_NUM_THREADS < 2:
-        pytest.skip("needs two threads")
-    results = []
-    for threads in (1, 2):
-        numba.set_num_threads(threads)
+    def drawn():
         image, _, gradients = rendered(cloud(500, 3), camera(120, 90))
-        results.append([image.tobytes(), *(value.tobytes() for value in gradients.values())])
-    assert results[0] == results[1]
+        return image, *gradients.values()
+
+    assert_same_on_two_threads(drawn)
 
 
 def test_reused_buffers_change_nothing():
@@ -135,20 +128,19 @@ def test_absolute_gradient_by_the_position_on_the_image():
 def test_sets_of_colours_at_once_are_those_one_by_one(sets):
     clouds = [cloud(200, 1, seed=6 + k) for k in range(sets)]
     gaussians, sh = clouds[0], np.stack([each.sh for each in clouds])
-    weights = np.stack([random_weights(HEIGHT, WIDTH, seed=k) for k in range(sets)])
+    weights = [random_weights(HEIGHT, WIDTH, seed=k) for k in range(sets)]
     images, state = render_sh_sets(gaussians, sh, VIEW, BACKGROUND)
-    gradients, by_sh_sets = backward_sh_sets(state, weights)
-    total, absolute = gaussians.zeros().state_dict(), 0
+    gradients, by_sh_sets = backward_sh_sets(state, np.stack(weights))
+    parts = []
     for k in range(sets):
         image, alone = render(replace(gaussians, sh=sh[k]), VIEW, BACKGROUND)
-        part = backward(alone, weights[k])
+        parts.append(backward(alone, weights[k]))
         assert np.array_equal(images[k], image)
-        assert np.allclose(by_sh_sets[k], part.parameters.sh, rtol=1e-4, atol=1e-5)
-        total = {name: total[name] + value for name, value in part.parameters.state_dict().items()}
-        absolute = absolute + part.means2d_absolute
+        assert np.allclose(by_sh_sets[k], parts[k].parameters.sh, rtol=1e-4, atol=1e-5)
     for name in ("means", "quaternions", "log_scales", "opacity_logits"):
-        found = getattr(gradients.parameters, name)
-        assert np.linalg.norm(found - total[name]) < 1e-5 * np.linalg.norm(total[name]), name
+        found, total = getattr(gradients.parameters, name), sum(getattr(part.parameters, name) for part in parts)
+        assert np.linalg.norm(found - total) < 1e-5 * np.linalg.norm(total), name
+    absolute = sum(part.means2d_absolute for part in parts)
     assert (gradients.means2d_absolute <= absolute + 1e-3).all()  # of the sum, not the sum of each set's
 
 

@@ -1,6 +1,7 @@
 """Training: what it reaches, when it stops, what images it begins with, parameters that are lost, interruptions."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -43,22 +44,22 @@ def test_a_crash_leaves_no_trace(scene, undisturbed, tmp_path, iteration):
 
 
 def test_training_learns_the_antialiased_scene_it_renders(scene, undisturbed, tmp_path):
-    far = [replace(view, camera=view.camera.resized(12, 9)) for view in scene.views]
     trained = train(scene, replace(CONFIG, antialiased=True), 0, tmp_path)
     assert trained.gaussians.means.tobytes() != undisturbed.gaussians.means.tobytes()
-    errors = {}
-    for name, gaussians, mode in (("antialiased", trained.gaussians, True), ("classic", undisturbed.gaussians, False)):
-        images = [render(gaussians, view.camera, near=trained.near, antialiased=mode)[0] for view in far]
-        truths = [resize_area(view.image(), 12, 9) for view in scene.views]
-        errors[name] = np.mean([np.mean((image - truth) ** 2) for image, truth in zip(images, truths, strict=True)])
-    assert errors["antialiased"] < errors["classic"]  # from four times as far away
+
+    def error(learned, antialiased):
+        """The mean over pictures from four times as far away."""
+        errors = []
+        for view in scene.views:
+            image, _ = render(learned.gaussians, view.camera.resized(12, 9), near=learned.near, antialiased=antialiased)
+            errors.append(np.mean((image - resize_area(view.image(), 12, 9)) ** 2))
+        return np.mean(errors)
+
+    assert error(trained, True) < error(undisturbed, False)
 
 
 def test_checkpoints_that_take_long_are_written_less_often():
-    class Time:
-        seconds = 0.0
-
-    clock = Time()
+    clock = SimpleNamespace(seconds=0.0)
     saving = Saving(clock, 30.0)
     clock.seconds = 31.0
     assert saving.due
@@ -91,12 +92,6 @@ class Watched(Objective):
         return super().__call__(image, view, iteration, buffers)
 
 
-@pytest.fixture(scope="module")
-def stopped(scene, tmp_path_factory):
-    """An undisturbed training."""
-    return train(scene, STOPPING, 0, tmp_path_factory.mktemp("undisturbed"))
-
-
 def test_validation_views_are_spread_evenly():
     assert validation_views(12, 3) == (2, 6, 10)
     assert validation_views(4, 3) == (0, 2, 3)
@@ -108,35 +103,29 @@ def test_training_stops_where_validation_got_no_better(scene, tmp_path):
     objective = Watched(read_images(scene.train_views))
     trained = train(scene, STOPPING, 0, tmp_path, objective)
     best = int(np.argmin(trained.residuals))
-    assert trained.iterations < 1500
-    assert trained.iterations == 25 * len(trained.residuals) == 25 * (best + 1 + 3)
-    held = validation_views(len(scene.train_views), 2)
+    assert trained.iterations == 25 * len(trained.residuals) == 25 * (best + 1 + 3) < 1500
+    held, last = validation_views(len(scene.train_views), 2), []
     assert set(objective.views) == set(range(len(scene.train_views))) - set(held)
-    near, background = trained.near, np.zeros(3, np.float32)
-    last = []
     for index in held:
-        image, state = render(trained.gaussians, scene.train_views[index].camera, background, near=near)
+        camera, black = scene.train_views[index].camera, np.zeros(3, np.float32)
+        image, state = render(trained.gaussians, camera, black, near=trained.near)
         last.append(objective.residual(image, index, state.buffers))
     assert trained.residuals[-1] == pytest.approx(np.mean(last), rel=1e-5)
+
+
+@pytest.fixture(scope="module")
+def stopped(scene, tmp_path_factory):
+    return train(scene, STOPPING, 0, tmp_path_factory.mktemp("undisturbed"))
 
 
 @pytest.mark.parametrize("iteration", [10, 30, 76])
 def test_a_crash_does_not_change_when_it_stops(scene, stopped, tmp_path, iteration):
     config = replace(STOPPING, checkpoint_seconds=0.0)
-    resumed = crashed_and_resumed(scene, config, iteration, tmp_path / "run")
-    assert_identical(stopped, resumed)
-    assert resumed.residuals == stopped.residuals
-    again = train(scene, config, 0, tmp_path / "run")  # it has stopped, and stays so
-    assert_identical(stopped, again)
-    assert again.iterations == stopped.iterations
-
-
-COARSE = replace(CONFIG, resolutions=((0.25, 4), (0.25, 2)))
-
-
-@pytest.fixture(scope="module")
-def uneven(tmp_path_factory):
-    return photographed(tmp_path_factory.mktemp("uneven"), 12, 50, 38)
+    resumed = crashed_and_resumed(scene, config, iteration, tmp_path)
+    again = train(scene, config, 0, tmp_path)  # it has stopped, and stays so
+    for trained in (resumed, again):
+        assert_identical(stopped, trained)
+        assert (trained.residuals, trained.iterations) == (stopped.residuals, stopped.iterations)
 
 
 def test_small_cameras_see_the_same():
@@ -153,10 +142,10 @@ def test_targets_are_averages_over_areas():
     images = TrainingImages([pixels])
     expected = pixels.reshape(4, 2, 6, 2, 3).mean(axis=(1, 3))
     assert np.abs(images.pixels(0, (4, 6)) - expected).max() <= 0.5
+    assert images.ignored(0, (4, 6)) is None
     objective = Objective(images)
     assert objective.target(0, (4, 6)).pixels is images.pixels(0, (4, 6))
     assert objective.target(0, (8, 12)).pixels is objective.target(0).pixels is pixels
-    assert images.ignored(0, (4, 6)) is None
     hidden[3, 5] = True  # and so is a small pixel that touches it
     images, small = TrainingImages([pixels], [hidden]), np.zeros((4, 6), bool)
     small[1, 2] = True
@@ -164,14 +153,15 @@ def test_targets_are_averages_over_areas():
     assert np.array_equal(Objective(images).target(0, (4, 6)).shown == 0, small)
 
 
-def test_a_scene_is_learnt_from_small_images_first(uneven, tmp_path):
+def test_a_scene_is_learnt_from_small_images_first(tmp_path):
+    uneven, coarse = photographed(tmp_path, 12, 50, 38), replace(CONFIG, resolutions=((0.25, 4), (0.25, 2)))
     objective = Watched(read_images(uneven.train_views))
-    train(uneven, COARSE, 0, tmp_path / "watched", objective)
+    train(uneven, coarse, 0, tmp_path / "watched", objective)
     assert objective.sizes == 50 * [(10, 13)] + 50 * [(19, 25)] + 100 * [(38, 50)]
-    method = fitted(GaussianSplatting, replace(COARSE, iterations=500), uneven, tmp_path / "run")
+    method = fitted(GaussianSplatting, replace(coarse, iterations=500), uneven, tmp_path / "run")
     assert psnr(method, uneven.train_views) > 30
     assert psnr(method, uneven.test_views) > 26
-    assert render(method._trained.gaussians, uneven.views[0].camera)[0].shape == (38, 50, 3)
+    assert method.render(uneven.views[0].camera).shape == (38, 50, 3)
 
 
 BAD = (("means", np.nan), ("quaternions", np.inf), ("log_scales", np.inf), ("opacity_logits", np.nan), ("sh", -np.inf))
@@ -179,7 +169,7 @@ BAD = (("means", np.nan), ("quaternions", np.inf), ("log_scales", np.inf), ("opa
 
 @pytest.fixture
 def injected(monkeypatch):
-    """Makes a parameter each of some Gaussians non-finite before given steps."""
+    """Makes a parameter each of five Gaussians non-finite before given steps."""
     step = CpuBackend.step
 
     def inject_at(*iterations):
@@ -194,6 +184,11 @@ def injected(monkeypatch):
     return inject_at
 
 
+def assert_left_out(trained, count):
+    assert trained.non_finite == count
+    assert all(np.isfinite(value).all() for value in trained.gaussians.state_dict().values())
+
+
 @pytest.mark.parametrize("config", [CONFIG, BUDGETED], ids=["densification", "relocation"])
 def test_training_goes_on_without_them_and_warns_once(scene, tmp_path, injected, caplog, config):
     injected(45, 90, 170)
@@ -202,21 +197,17 @@ def test_training_goes_on_without_them_and_warns_once(scene, tmp_path, injected,
     assert "training: 5 of " in said
     assert "after iteration 60, as" in said
     assert "means of 1, quaternions of 1, log_scales of 1, opacity_logits of 1, sh of 1" in said
-    trained = method._trained
-    assert trained.non_finite == 15
-    assert all(np.isfinite(value).all() for value in trained.gaussians.state_dict().values())
+    assert_left_out(method._trained, 15)
     assert psnr(method, scene.train_views) > 28
 
 
 def test_what_is_non_finite_at_the_end_is_not_in_the_model(scene, tmp_path, injected):
     injected(29)
-    trained = train(scene, replace(CONFIG, iterations=30), 0, tmp_path)
-    assert trained.non_finite == 5
-    assert all(np.isfinite(value).all() for value in trained.gaussians.state_dict().values())
+    assert_left_out(train(scene, replace(CONFIG, iterations=30), 0, tmp_path), 5)
 
 
 def test_a_training_that_leaves_nothing_has_failed(scene, tmp_path, monkeypatch):
-    def step(self, camera, view, iteration, *arguments):
+    def step(self, *_):
         self._state.gaussians.means[:] = np.nan
         return 0.1
 

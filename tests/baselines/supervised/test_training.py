@@ -121,15 +121,16 @@ def test_weights_come_back_with_their_configuration_and_card(files):
 
 
 def test_weights_that_are_not_there_or_of_something_else_are_refused(files):
-    with pytest.raises(InputError, match="toy weights enormous: none of that name"):
-        files.load("enormous")
-    with pytest.raises(InputError, match="no such file"):
-        files.load(files.shipped / "weights.safetensors")
     other = torch.nn.Linear(1, 1)
     other.config = LayerConfig()
     files.save(files.shipped / "other.safetensors", other, CARD)
-    with pytest.raises(InputError, match="no toy network of this version"):
-        files.load("other")
+    for weights, message in (
+        ("enormous", "toy weights enormous: none of that name"),
+        (files.shipped / "weights.safetensors", "no such file"),
+        ("other", "no toy network of this version"),
+    ):
+        with pytest.raises(InputError, match=message):
+            files.load(weights)
 
 
 @pytest.mark.parametrize(
@@ -138,8 +139,7 @@ def test_weights_that_are_not_there_or_of_something_else_are_refused(files):
     ids=["enhancement", "raindrop attention"],
 )
 def test_what_is_shipped_is_small_and_says_what_it_is(files, config, most):
-    network, card = files.load("small")
-    path = files.find("small")
+    (network, card), path = files.load("small"), files.find("small")
     assert path.stat().st_size < most
     assert network.config == config
     assert {"data", "steps", "held out", "validation"} <= set(card)
@@ -149,12 +149,11 @@ def test_what_is_shipped_is_small_and_says_what_it_is(files, config, most):
 
 @pytest.mark.parametrize("config", [TrainingConfig, AttentionConfig])
 @pytest.mark.parametrize(
-    "wrong", [{"steps": 0}, {"steps": -1}, {"seed": -1}, {"batch": 0}, {"rate": math.nan}, {"rate": -1e-3}]
+    ("name", "value"), [("steps", 0), ("steps", -1), ("seed", -1), ("batch", 0), ("rate", math.nan), ("rate", -1e-3)]
 )
-def test_numbers_that_no_training_can_have(config, wrong):
-    ((name, value),) = wrong.items()
+def test_numbers_that_no_training_can_have(config, name, value):
     with pytest.raises(InputError, match=f"--{name} {value}: impossible"):
-        config(**wrong)
+        config(**{name: value})
 
 
 def test_intervals_and_threads():

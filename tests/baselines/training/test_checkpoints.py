@@ -31,8 +31,9 @@ def same(one, other):
 
 
 def test_a_tree_comes_back_to_the_same_run_alone(tmp_path):
-    save_checkpoint(tmp_path / "a", TREE, {"seed": 0, "configuration": {"rate": 1, "steps": 2}})
-    assert same(TREE, load_checkpoint(tmp_path / "a", {"seed": 0, "configuration": {"rate": 1, "steps": 2}}))
+    run = {"seed": 0, "configuration": {"rate": 1, "steps": 2}}
+    save_checkpoint(tmp_path / "a", TREE, run)
+    assert same(TREE, load_checkpoint(tmp_path / "a", run))
     with pytest.raises(InputError, match="another run, with a different configuration, seed") as error:
         load_checkpoint(tmp_path / "a", {"seed": 1, "configuration": {"rate": 3, "steps": 2}})
     assert "{'rate': 1}" in str(error.value)
@@ -54,9 +55,8 @@ def test_a_fingerprint_tells_whatever_leads_to_another_result(tmp_path):
 
     def of(config=CONFIG, seed=0, points=points, pictures=pictures, **camera):
         views = tuple(replace(view, camera=replace(view.camera, **camera)) for view in scene.views)
-        return fingerprint_of(
-            settings_of(config), seed, replace(scene, views=views, points=points), TrainingImages(pictures)
-        )
+        changed = replace(scene, views=views, points=points)
+        return fingerprint_of(settings_of(config), seed, changed, TrainingImages(pictures))
 
     fingerprints = [
         of(),

@@ -147,6 +147,23 @@ def interrupting(monkeypatch, at, number):
     return iterations
 
 
+def interrupted_at(moments, train, monkeypatch, number=signal.SIGINT, error=KeyboardInterrupt):
+    """Sessions of a training that a signal ends: the first and the last iteration that each began, its exit status."""
+    handler, sessions = signal.getsignal(number), []
+    for moment in moments:
+        with monkeypatch.context() as patch:
+            begun = interrupting(patch, moment, number)
+            with pytest.raises(error) as end:
+                train()
+        assert signal.getsignal(number) is handler
+        sessions.append((begun[0], begun[-1], getattr(end.value, "code", None)))
+    return sessions
+
+
+def assert_same_bits(one, other):
+    assert [values.tobytes() for values in one] == [values.tobytes() for values in other]
+
+
 @pytest.mark.parametrize(
     ("name", "number", "error", "exit_status"),
     [
@@ -157,43 +174,27 @@ def interrupting(monkeypatch, at, number):
 def test_a_signal_ends_a_training_after_its_step_and_leaves_no_trace(
     name, number, error, exit_status, scenes, left_alone, tmp_path, monkeypatch
 ):
-    train, moments = TRAININGS[name]
-    scene, expected, handler = scenes.get(name, scenes["any other"]), left_alone(name), signal.getsignal(number)
-    for moment in moments:  # the second session is interrupted as well
-        with monkeypatch.context() as patch:
-            iterations = interrupting(patch, moment, number)
-            with pytest.raises(error) as end:
-                train(tmp_path, scene)
-        assert getattr(end.value, "code", None) == exit_status
-        assert iterations[-1] == moment  # no step was begun after that
-        assert iterations[0] == (0 if moment == moments[0] else moments[0] + 1)  # and none was done again
-        assert signal.getsignal(number) is handler
-    for one, other in zip(expected, train(tmp_path, scene), strict=True):
-        assert one.tobytes() == other.tobytes()
-
-
-def interrupted_at(moments, train, monkeypatch):
-    """Sessions of a training that Ctrl-C ends at these iterations."""
-    for moment in moments:
-        with monkeypatch.context() as patch:
-            interrupting(patch, moment, signal.SIGINT)
-            with pytest.raises(KeyboardInterrupt):
-                train()
+    train, (early, late) = TRAININGS[name]
+    expected, session = left_alone(name), partial(train, tmp_path, scenes.get(name, scenes["any other"]))
+    # No step is begun after the signal, and none is done again in the second session.
+    begun = [(0, early, exit_status), (early + 1, late, exit_status)]
+    assert interrupted_at((early, late), session, monkeypatch, number, error) == begun
+    assert_same_bits(session(), expected)
 
 
 def test_the_curve_goes_on_over_sessions(tmp_path, monkeypatch):
-    interrupted_at((2, 3), lambda: of_enhancement(tmp_path, None), monkeypatch)
-    of_enhancement(tmp_path, None)
+    session = partial(of_enhancement, tmp_path, None)
+    interrupted_at((2, 3), session, monkeypatch)
+    session()
     rows = (tmp_path / CURVE).read_text().splitlines()[1:]
     assert [row.split(",")[0] for row in rows] == ["2", "4", "5"]
 
 
 def test_ctrl_c_that_workers_get_as_well_ends_the_training_after_its_step(left_alone, tmp_path, monkeypatch):
-    expected = left_alone("enhancement")
-    interrupted_at((2,), lambda: of_enhancement(tmp_path, None, workers=2), monkeypatch)
+    expected, session = left_alone("enhancement"), partial(of_enhancement, tmp_path, None, workers=2)
+    interrupted_at((2,), session, monkeypatch)
     assert not multiprocessing.active_children()  # none is left to be waited for
-    for one, other in zip(expected, of_enhancement(tmp_path, None, workers=2), strict=True):
-        assert one.tobytes() == other.tobytes()
+    assert_same_bits(session(), expected)
 
 
 class Counting:
@@ -252,15 +253,13 @@ def learning_curve(folder):
 
 
 def test_the_learning_curve_has_means_of_losses_and_the_counts_of_then(tmp_path):
-    losses = {step: float(step) for step in range(250)}
-    trainer = Counting(250, losses)
+    trainer = Counting(250, {step: float(step) for step in range(250)})
     loop.run(trainer, tmp_path / CHECKPOINT, {}, 1e9)
     rows = learning_curve(tmp_path)
     assert len(rows) == 84 <= ROWS  # every third step, and the last one
     assert list(rows[0]) == ["step", "seconds", "loss", "numbers"]
-    assert [(row["step"], row["loss"], row["numbers"]) for row in (rows[0], rows[1], rows[-1])] == [
-        ("3", "1", "3"), ("6", "4", "6"), ("250", "249", "250")
-    ]  # fmt: skip
+    told = [" ".join(row[name] for name in ("step", "loss", "numbers")) for row in rows]
+    assert (told[0], told[1], told[-1]) == ("3 1 3", "6 4 6", "250 249 250")
     seconds = [float(row["seconds"]) for row in rows]
     assert seconds == sorted(seconds)
     assert seconds[-1] == pytest.approx(trainer.seconds, rel=1e-5)
@@ -273,8 +272,8 @@ def test_a_kill_after_the_last_checkpoint_leaves_the_whole_learning_curve(tmp_pa
         save_checkpoint(*arguments)
         raise SystemExit
 
-    monkeypatch.setattr(loop, "save_checkpoint", killed)
-    with pytest.raises(SystemExit):
+    with monkeypatch.context() as patch, pytest.raises(SystemExit):
+        patch.setattr(loop, "save_checkpoint", killed)
         loop.run(Counting(), tmp_path / CHECKPOINT, {}, 1e9)
     loop.run(Counting(), tmp_path / CHECKPOINT, {}, 1e9)
     assert learning_curve(tmp_path)[-1]["step"] == "10"
@@ -321,23 +320,21 @@ def test_a_learning_curve_of_an_older_checkpoint_goes_on(tmp_path, columns):
     assert (row["step"], row["loss"], row["numbers"]) == ("6", "4", "6")
 
 
-class Watching(Counting):
-    """Notes how many threads numpy's products have in each step."""
-
-    def step(self):
-        self.threads = blas_threads()
-        return super().step()
-
-
 def blas_threads():
     return [pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"]
 
 
-def test_products_have_one_thread_while_a_training_runs(tmp_path):
-    trainer = Watching()
+def test_products_have_one_thread_while_a_training_runs(tmp_path, monkeypatch):
+    threads, step = set(), Counting.step
+
+    def watched(trainer):
+        threads.update(blas_threads())
+        return step(trainer)
+
+    monkeypatch.setattr(Counting, "step", watched)
     with threadpool_limits(2, user_api="blas"):
         before = blas_threads()
         assert 2 in before  # some of them know no threads
-        loop.run(trainer, tmp_path / CHECKPOINT, {}, 1e9)
+        loop.run(Counting(), tmp_path / CHECKPOINT, {}, 1e9)
         assert blas_threads() == before
-    assert set(trainer.threads) == {1}
+    assert threads == {1}

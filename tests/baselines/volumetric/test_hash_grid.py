@@ -1,9 +1,8 @@
 """Hash grids against closed forms, plain torch in float64, and themselves on other numbers of threads; encodings."""
 
-import numba
 import numpy as np
-import pytest
 import torch
+from thread_counts import assert_same_on_two_threads
 
 from baselines.volumetric.fields.encodings import positional
 from baselines.volumetric.fields.hash_grid import GridConfig, HashGrid, interpolate
@@ -11,12 +10,12 @@ from baselines.volumetric.fields.hash_grid import GridConfig, HashGrid, interpol
 RESOLUTIONS = [4, 11, 40]
 
 
-def tables(seed=0, entries=2**9, dtype=torch.float32):
-    return torch.randn(3, entries, 4, generator=torch.Generator().manual_seed(seed)).to(dtype)
+def tables():
+    return torch.randn(3, 2**9, 4, generator=torch.Generator().manual_seed(0))
 
 
-def points(n, seed=0):
-    return torch.rand(n, 3, generator=torch.Generator().manual_seed(seed))
+def points(n):
+    return torch.rand(n, 3, generator=torch.Generator().manual_seed(0))
 
 
 def grid_of(values, resolutions):
@@ -41,41 +40,32 @@ def test_a_dense_level_reproduces_trilinear_functions():
 
 
 def test_borders_and_beyond():
-    grid = grid_of(tables(), RESOLUTIONS)
     outside = torch.tensor([[1.0, 1, 1], [1.5, 2, 9], [0, 0, 0], [-1, -0.5, 0]])
-    found = grid(outside).detach()
-    assert torch.equal(found[0], found[1])
-    assert torch.equal(found[2], found[3])
+    found = grid_of(tables(), RESOLUTIONS)(outside).detach()
+    assert torch.equal(found[::2], found[1::2])
 
 
 def test_kernels_and_plain_torch_give_the_same_numbers():
     where, values = points(3000), tables()
     weights = torch.randn(3000, 12, generator=torch.Generator().manual_seed(1))
-    grid = grid_of(values, RESOLUTIONS)
-    features = grid(where)
-    (features * weights).sum().backward()
-    double = values.double().requires_grad_()
-    exact = interpolate(where.double(), double, RESOLUTIONS)
-    (exact * weights).sum().backward()
+    grid, double = grid_of(values, RESOLUTIONS), values.double().requires_grad_()
+    features, exact = grid(where), interpolate(where.double(), double, RESOLUTIONS)
+    for found in (features, exact):
+        (found * weights).sum().backward()
     # In float32 a point near the border of a cell may fall on its other side, where the interpolant is the same.
     torch.testing.assert_close(features.detach().double(), exact.detach(), atol=2e-5, rtol=0)
     assert (grid.tables.grad - double.grad).abs().max() < 2e-4 * double.grad.abs().max()
-    single = values.clone().requires_grad_()
-    (interpolate(where, single, RESOLUTIONS) * weights).sum().backward()
-    torch.testing.assert_close(features.detach(), interpolate(where, single, RESOLUTIONS).detach(), atol=1e-5, rtol=0)
+    torch.testing.assert_close(features.detach(), interpolate(where, values, RESOLUTIONS), atol=1e-5, rtol=0)
 
 
-@pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="Numba was started with one thread")
 def test_the_number_of_threads_does_not_show():
-    results = []
-    for threads in (1, 2):
-        numba.set_num_threads(threads)
+    def learned():
         grid = grid_of(tables(), RESOLUTIONS)
         features = grid(points(5000))
         features.square().sum().backward()
-        results.append((features.detach(), grid.tables.grad))
-    assert torch.equal(results[0][0], results[1][0])
-    assert torch.equal(results[0][1], results[1][1])
+        return features.detach(), grid.tables.grad
+
+    assert_same_on_two_threads(learned)
 
 
 def test_resolutions_grow_geometrically():

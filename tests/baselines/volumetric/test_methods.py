@@ -24,15 +24,16 @@ from baselines.volumetric.trainer import FieldTrainer
 
 BRIEF = replace(SMALL, iterations=4, rays=32, proposal_samples=8, samples=4, checkpoint_seconds=0.0)
 LOOKS = LookConfig(size=8, channels=(8, 8, 8), side=24), VisibilityConfig(code=8, octaves=2, width=8, layers=1)
-STYLES = StyleConfig(channels=(8, 8, 8), side=24), TransformConfig(size=8, hidden=(8,))
+STYLES = (
+    StyleConfig(channels=(8, 8, 8), side=24),
+    TransformConfig(size=8, hidden=(8,)),
+    TransientConfig(channels=8, dilations=(1,), side=24),
+)
 METHODS = {
     "plain": (RadianceMethod, BRIEF),
     "nerf-w": (NerfW, NerfWConfig(BRIEF, transient_width=8)),
     "ha-nerf": (HaNerf, HaNerfConfig(BRIEF, *LOOKS, photographs=2)),
-    "cr-nerf": (
-        CrNerf,
-        CrNerfConfig(BRIEF, 8, *STYLES, TransientConfig(channels=8, dilations=(1,), side=24), photographs=2),
-    ),
+    "cr-nerf": (CrNerf, CrNerfConfig(BRIEF, 8, *STYLES, photographs=2)),
     "occ-nerf": (OccNerf, OccNerfConfig(BRIEF, BRIEF.field, alone=0.3)),
 }
 
@@ -49,12 +50,11 @@ def test_a_field_trains_goes_on_on_another_card_and_comes_back(pretended_gpu, tm
     monkeypatch.setenv("HYDROVIEWS_DEVICE", "cuda")
     monkeypatch.setattr(torch.cuda, "get_device_name", lambda *_: (cards or [NAME])[0])
     monkeypatch.setattr(FieldTrainer, "step", lost)
-    kind, config = METHODS[name]
-    scene, folder = photographed(tmp_path / "scene", n_views=8), tmp_path / "run"
+    (kind, config), folder = METHODS[name], tmp_path / "run"
+    scene = photographed(tmp_path / "scene", n_views=8)
     with pytest.raises(KeyboardInterrupt):
-        kind(config, 0).fit(scene, folder)
-    method = kind(config, 0)
-    method.fit(scene, folder)
+        fitted(kind, config, scene, folder)
+    method = fitted(kind, config, scene, folder)
     method.save(folder)
     picture = method.render(camera(12, 8))
     assert np.isfinite(picture).all()
@@ -64,9 +64,6 @@ def test_a_field_trains_goes_on_on_another_card_and_comes_back(pretended_gpu, tm
     monkeypatch.setenv("HYDROVIEWS_DEVICE", "cpu")
     summary = kind.load(config, 0, folder).summary()
     assert (summary.device, summary.render_device) == ("another card", "cpu")
-
-
-NERF_W = NerfWConfig(balls.SHORT, transient_width=16, embedding_rate=3e-3)
 
 
 @pytest.mark.parametrize(("kind", "config"), [(HaNerf, HA_NERF), (CrNerf, CR_NERF)])
@@ -86,7 +83,7 @@ def test_colour_casts_of_the_views_are_kept_out(ball_in_casts, plain, tmp_path, 
 
 def test_nerf_w_keeps_out_casts_and_occluders_at_once(ball, plain, tmp_path):
     """Patches of any colour, which are nowhere else."""
-    rng = np.random.default_rng(0)
+    rng, config = np.random.default_rng(0), NerfWConfig(balls.SHORT, transient_width=16, embedding_rate=3e-3)
 
     def change(picture, index):
         picture = picture * rng.uniform(0.3, 1.0, 3)
@@ -96,6 +93,6 @@ def test_nerf_w_keeps_out_casts_and_occluders_at_once(ball, plain, tmp_path):
         return picture
 
     scene = disturbed(ball, tmp_path, only_in_training(ball, change))
-    methods = plain(balls.Plain, balls.SHORT, scene), fitted(NerfW, NERF_W, scene, tmp_path / "ours")
+    methods = plain(balls.Plain, balls.SHORT, scene), fitted(NerfW, config, scene, tmp_path / "ours")
     without, ours = (held_out(method, scene, gains=True) for method in methods)
     assert ours > without + 2, (ours, without)

@@ -36,16 +36,16 @@ def forward_cameras(n: int = 5) -> list[Camera]:
 
 def points_at(depths, n=50) -> Points:
     generator = np.random.default_rng(0)
-    positions = np.concatenate(
-        [np.column_stack([generator.uniform(-0.1, 0.1, (n, 2)) * d, np.full(n, d)]) for d in depths]
-    )
-    return Points(positions, np.zeros((len(positions), 3), np.uint8))
+    parts = [np.column_stack([generator.uniform(-0.1, 0.1, (n, 2)) * d, np.full(n, d)]) for d in depths]
+    return Points(np.concatenate(parts), np.zeros((n * len(depths), 3), np.uint8))
+
+
+ALL_ROUND = [camera(20, 15, angle) for angle in np.linspace(0, 6, 9)]
 
 
 def test_points_on_rays_project_onto_pixel_centres_at_their_depth():
     view = replace(camera(7, 5), fx=6.0, fy=9.0, cx=3.1, cy=2.7)
-    rays = camera_rays(view)
-    depths = np.random.default_rng(0).uniform(0.5, 9, 35)
+    rays, depths = camera_rays(view), np.random.default_rng(0).uniform(0.5, 9, 35)
     pixels, found = view.project(rays.origins + depths[:, None] * rays.directions)
     rows, columns = np.mgrid[:5, :7] + 0.5
     np.testing.assert_allclose(pixels, np.stack([columns.ravel(), rows.ravel()], 1), atol=1e-9)
@@ -73,30 +73,27 @@ def test_device_coordinates_are_those_of_projected_points():
     space = choose_space(cameras, points_at([3.0, 8.0]), "auto")
     assert isinstance(space, NDC)
     rays = camera_rays(cameras[1])
-    entered = space.from_world(rays, CPU)
     local = rays.origins[:, None] + np.array([4.0, 10, 1e3])[:, None] * rays.directions[:, None]
     mean = Camera(2, 2, 1 / space.slopes[0], 1 / space.slopes[1], 0, 0, np.array(space.pose))
     pixels, z = mean.project(local.reshape(-1, 3))
     known = np.column_stack([pixels, 1 - 2 * space.near / z]).reshape(-1, 3, 3)
     t = (known[..., 2] + 1) / 2  # z runs evenly from -1 at the near plane to 1
-    np.testing.assert_allclose(entered.points(torch.from_numpy(t.astype(np.float32))), known, atol=2e-6)
+    found = space.from_world(rays, CPU).points(torch.from_numpy(t.astype(np.float32)))
+    np.testing.assert_allclose(found, known, atol=2e-6)
 
 
 def test_every_training_ray_stays_in_the_cube():
-    cameras = forward_cameras()
-    space = choose_space(cameras, points_at([3.0, 8.0]), "ndc")
-    for view in cameras:
+    space = choose_space(forward_cameras(), points_at([3.0, 8.0]), "ndc")
+    for view in forward_cameras():
         rays = space.from_world(camera_rays(view), CPU)
         inside = space.to_unit_cube(rays.points(torch.linspace(0, 1, 5).expand(len(rays.origins), -1)))
-        assert inside.min() > -1e-6
-        assert inside.max() < 1 + 1e-6
+        assert -1e-6 < inside.min() < inside.max() < 1 + 1e-6
 
 
 def test_cameras_all_round_are_contracted_into_the_unit_ball():
-    cameras = [camera(20, 15, angle) for angle in np.linspace(0, 6, 9)]
-    space = choose_space(cameras, points_at([0.5], 100), "auto")
+    space = choose_space(ALL_ROUND, points_at([0.5], 100), "auto")
     assert isinstance(space, Contracted)
-    rays = space.from_world(camera_rays(cameras[0]), CPU)
+    rays = space.from_world(camera_rays(ALL_ROUND[0]), CPU)
     assert rays.origins.norm(dim=1).max() < 1
     assert torch.allclose(rays.viewing.norm(dim=1), torch.ones(300))
     t = space.s_to_t(torch.tensor([0.0, 0.5, 1.0]))
@@ -109,14 +106,16 @@ def test_a_space_comes_back_from_what_is_written_of_it(kind):
     assert space_from(space.settings()) == space
 
 
-def test_what_cannot_be_a_space_is_refused():
-    all_round = [camera(20, 15, angle) for angle in np.linspace(0, 6, 9)]
-    with pytest.raises(InputError, match="look every way"):
-        choose_space(all_round, no_points(), "ndc")
-    with pytest.raises(InputError, match="unknown"):
-        choose_space(all_round, no_points(), "flat")
-    with pytest.raises(InputError, match="no training views"):
-        choose_space([], no_points())
+@pytest.mark.parametrize(
+    ("cameras", "kind", "message"),
+    [(ALL_ROUND, "ndc", "look every way"), (ALL_ROUND, "flat", "unknown"), ([], "auto", "no training views")],
+)
+def test_what_cannot_be_a_space_is_refused(cameras, kind, message):
+    with pytest.raises(InputError, match=message):
+        choose_space(cameras, no_points(), kind)
+
+
+def test_rays_that_look_backwards_are_refused():
     space = choose_space(forward_cameras(), points_at([3.0]), "ndc")
     with pytest.raises(InputError, match="backwards"):
         space.from_world(WorldRays(np.zeros((1, 3)), np.array([[0, 0, -1.0]])), CPU)
@@ -124,61 +123,52 @@ def test_what_cannot_be_a_space_is_refused():
 
 @pytest.mark.parametrize(("height", "width"), [(24, 32), (5, 90)])
 def test_grids_stay_inside_and_reach_every_pixel(height, width):
-    met = np.zeros((height, width), int)
-    random = np.random.default_rng(0)
+    met, random = np.zeros((height, width), int), np.random.default_rng(0)
     for _ in range(2000):
         rows, columns = grid(height, width, 8, 0.5, random)
-        assert rows.min() >= 0
-        assert columns.min() >= 0
+        assert min(rows.min(), columns.min()) >= 0
         met[rows, columns] += 1  # out of range would raise
     assert met.min() > 0
 
 
 def test_grids_are_regular_and_as_large_as_was_said():
-    random = np.random.default_rng(1)
-    spans = []
+    random, spans = np.random.default_rng(1), []
     for _ in range(300):
         rows, columns = grid(1000, 2000, 11, 0.5, random).reshape(2, 11, 11)
         assert (rows == rows[:, :1]).all()
         assert (columns == columns[:1]).all()
-        steps = np.diff(columns[0])
-        assert np.ptp(steps) <= 1
-        assert np.ptp(np.diff(rows[:, 0])) <= 1
-        spans.append(steps.sum() / 2000 / (10 / 11))
-        assert abs(np.diff(rows[:, 0]).mean() / 1000 - steps.mean() / 2000) < 2e-4  # one share of both sides
+        across, down = np.diff(columns[0]), np.diff(rows[:, 0])
+        assert max(np.ptp(across), np.ptp(down)) <= 1
+        assert abs(down.mean() / 1000 - across.mean() / 2000) < 2e-4  # one share of both sides
+        spans.append(across.sum() / 2000 / (10 / 11))
     assert 0.49 < min(spans) < 0.52
     assert 0.98 < max(spans) < 1.01
 
 
 @pytest.mark.parametrize(("photographs", "views"), [(1, 7), (4, 7), (3, 1)])
 def test_views_come_in_turn(photographs, views):
-    steps = [views_in_turn(3, iteration, photographs, views) for iteration in range(views)]
-    assert all(len(step) == photographs for step in steps)
-    counts = np.bincount(np.concatenate(steps), minlength=views)
-    assert (counts == photographs).all()
-    assert views == 1 or any(
-        not np.array_equal(step, views_in_turn(4, i, photographs, views)) for i, step in enumerate(steps)
+    steps, others = (
+        np.stack([views_in_turn(seed, iteration, photographs, views) for iteration in range(views)]) for seed in (3, 4)
     )
+    assert steps.shape == (views, photographs)
+    assert (np.bincount(steps.ravel(), minlength=views) == photographs).all()
+    assert views == 1 or not np.array_equal(steps, others)
 
 
 def test_a_step_has_the_pixels_of_its_photograph(tmp_path):
     scene = balls.photographed(tmp_path, n_views=6)
     cameras = [view.camera for view in scene.train_views]
     pixels, space = TrainingPixels(cameras, read_images(scene.train_views)), Contracted((0.0, 0.0, 0.0), 1.0, 0.2, 5.0)
-    batch = grids(4, 8)(pixels, 0, 5, 256, space, torch.device("cpu"))
-    views = views_in_turn(0, 5, 4, len(cameras))
+    batch = grids(4, 8)(pixels, 0, 5, 256, space, CPU)
+    views, random = views_in_turn(0, 5, 4, len(cameras)), generator(0, "grid", 5)
     assert batch.views.tolist() == np.repeat(views, 64).tolist()
-    random = generator(0, "grid", 5)
     for part, view in enumerate(views):
         rows, columns = grid(24, 32, 8, 0.5, random)
         here = slice(64 * part, 64 * part + 64)
-        expected = scene.train_views[view].image()[rows, columns]
-        np.testing.assert_allclose(batch.colours[here], expected, atol=1e-6)
-        np.testing.assert_allclose(
-            batch.places[here], np.stack([(rows + 0.5) / 24, (columns + 0.5) / 32], 1), rtol=1e-6
-        )
-        world = camera_rays(cameras[view])
-        exact = world.directions.reshape(24, 32, 3)[rows, columns]
+        np.testing.assert_allclose(batch.colours[here], scene.train_views[view].image()[rows, columns], atol=1e-6)
+        places = np.stack([(rows + 0.5) / 24, (columns + 0.5) / 32], 1)
+        np.testing.assert_allclose(batch.places[here], places, rtol=1e-6)
+        exact = camera_rays(cameras[view]).directions.reshape(24, 32, 3)[rows, columns]
         exact = exact / np.linalg.norm(exact, axis=1, keepdims=True)
         np.testing.assert_allclose(batch.rays.viewing[here], exact, atol=1e-6)
 
@@ -191,12 +181,10 @@ def test_rays_that_make_no_square_are_refused():
 
 
 def test_what_is_hidden_of_a_picture_is_not_seen():
-    hidden = np.zeros((240, 320), bool)
+    hidden, looks = np.zeros((240, 320), bool), []
     hidden[:, 100:200] = True
-    looks = []
     for value in (0, 255):
-        picture = np.full((240, 320, 3), 100, np.uint8)
-        picture[hidden] = value
+        picture = np.where(hidden[..., None], value, np.full(3, 100)).astype(np.uint8)
         looks.append(small_pictures(TrainingImages([picture], [hidden]), 16))
     assert torch.equal(*looks)
     assert looks[0].max() == 100
@@ -205,7 +193,7 @@ def test_what_is_hidden_of_a_picture_is_not_seen():
 
 @pytest.mark.parametrize("share", [0.0, 0.25, 0.3, 0.5, 1.0])
 def test_rays_of_the_mean_look_are_a_share_spread_evenly(share):
-    chosen = rays_of_the_mean(1000, share, torch.device("cpu"))
-    assert abs(int(chosen.sum()) - 1000 * share) <= 1
+    chosen = rays_of_the_mean(1000, share, CPU)
     parts = chosen.view(10, 100).sum(1)
+    assert abs(int(chosen.sum()) - 1000 * share) <= 1
     assert int(parts.max() - parts.min()) <= 1

@@ -37,19 +37,18 @@ def test_samples_follow_the_analytic_distribution():
 
 
 def test_empty_rays_are_sampled_evenly_and_sharp_ones_in_order():
-    edges, weights = histogram([0.0] * 5)
-    np.testing.assert_allclose(resample(edges, weights, 10, None), np.linspace(0, 1, 11)[None], atol=1e-6)
-    edges, weights = histogram([0.0, 1e-30, 0, 1, 1e-7])
-    found = resample(edges, weights, 64, torch.tensor([0.3]), 0.5)
+    found = resample(*histogram([0.0] * 5), 10, None)
+    np.testing.assert_allclose(found, np.linspace(0, 1, 11)[None], atol=1e-6)
+    found = resample(*histogram([0.0, 1e-30, 0, 1, 1e-7]), 64, torch.tensor([0.3]), 0.5)
     assert torch.isfinite(found).all()
     assert (found.diff(dim=1) >= 0).all()
 
 
 def test_sharpness_flattens_the_histogram():
-    edges, weights = histogram([0.9, 0.1])
-    sharp, soft, none = (resample(edges, weights, 100, None, s)[0] for s in (1.0, 0.5, 0.0))
-    counts = [int((found < 0.5).sum()) for found in (sharp, soft, none)]
-    assert counts[0] > counts[1] > counts[2] == 50
+    sharp, soft, none = (
+        int((resample(*histogram([0.9, 0.1]), 100, None, sharpness)[0] < 0.5).sum()) for sharpness in (1.0, 0.5, 0.0)
+    )
+    assert sharp > soft > none == 50
     assert annealed(0, 100) == 0
     assert annealed(100, 100) == annealed(500, 100) == 1
     assert annealed(50, 100) > 0.5
@@ -58,17 +57,17 @@ def test_sharpness_flattens_the_histogram():
 def test_the_interlevel_loss_is_its_definition():
     edges, weights = random_histogram(5, 6, 1)
     proposal_edges, proposal_weights = random_histogram(5, 9, 2)
+    expected = np.zeros(5)
+    for ray, i in np.ndindex(5, 6):
+        overlaps = (proposal_edges[ray, :-1] < edges[ray, i + 1]) & (proposal_edges[ray, 1:] > edges[ray, i])
+        lacking = max(0.0, float(weights[ray, i] - proposal_weights[ray][overlaps].sum()))
+        expected[ray] += lacking**2 / (float(weights[ray, i]) + 1e-7)
     for ray in range(5):
-        expected = 0.0
-        for i in range(6):
-            overlaps = (proposal_edges[ray, :-1] < edges[ray, i + 1]) & (proposal_edges[ray, 1:] > edges[ray, i])
-            lacking = max(0.0, float(weights[ray, i] - proposal_weights[ray][overlaps].sum()))
-            expected += lacking**2 / (float(weights[ray, i]) + 1e-7)
         found = interlevel_loss(*(a[ray : ray + 1] for a in (edges, weights, proposal_edges, proposal_weights)))
-        np.testing.assert_allclose(float(found), expected, rtol=1e-6, atol=1e-12)
-    assert float(interlevel_loss(edges, weights, edges, weights).max()) < 1e-12
+        np.testing.assert_allclose(float(found), expected[ray], rtol=1e-6, atol=1e-12)
     coarse, merged = edges[:, ::3].contiguous(), weights.reshape(5, 2, 3).sum(2)
-    assert float(interlevel_loss(edges, weights, coarse, merged).max()) < 1e-12
+    for enough in ((edges, weights), (coarse, merged)):
+        assert float(interlevel_loss(edges, weights, *enough).max()) < 1e-12
 
 
 def test_the_distortion_loss_is_its_definition():
@@ -90,17 +89,14 @@ def test_a_slab_of_constant_density_lets_exp_minus_sigma_d_through():
 
 
 def test_empty_and_saturated_rays_are_exact():
-    density = torch.zeros(4, 6)
+    density, lengths = torch.zeros(4, 6), torch.ones(4, 6)
     density[1, 2], density[2] = 1e30, 1e8
     density[3, 5] = 1e-3  # only in the last, infinite interval
-    density.requires_grad_()
-    lengths = torch.ones(4, 6)
     lengths[:, -1] = INFINITE
-    weights, left = compositing_weights(density, lengths)
-    assert torch.equal(weights[0].detach(), torch.zeros(6))
-    assert weights[1].detach().tolist() == [0, 0, 1, 0, 0, 0]
-    assert weights[2].detach().tolist() == [1, 0, 0, 0, 0, 0]
-    assert weights[3].detach().tolist() == [0, 0, 0, 0, 0, 1]
+    weights, left = compositing_weights(density.requires_grad_(), lengths)
+    expected = torch.zeros(4, 6)
+    expected[1, 2] = expected[2, 0] = expected[3, 5] = 1
+    assert torch.equal(weights.detach(), expected)
     assert left.detach().tolist() == [1, 0, 0, 0]
     (weights.square().sum() + left.sum()).backward()
     assert torch.isfinite(density.grad).all()
@@ -115,7 +111,5 @@ def test_an_infinite_last_interval_takes_all_that_is_left():
 
 
 def test_gradients_are_those_of_float64_differences():
-    generator = torch.Generator().manual_seed(0)
-    density = torch.rand(3, 7, generator=generator, dtype=torch.float64).requires_grad_()
-    lengths = torch.rand(3, 7, generator=generator, dtype=torch.float64)
-    assert torch.autograd.gradcheck(lambda d: compositing_weights(d, lengths), density)
+    density, lengths = torch.rand(2, 3, 7, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    assert torch.autograd.gradcheck(lambda d: compositing_weights(d, lengths), density.clone().requires_grad_())

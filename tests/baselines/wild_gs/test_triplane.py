@@ -1,12 +1,14 @@
 """From pixels to points, to six pictures of them, and back: against closed forms and torch's own sampler."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
-from splats import camera
+from by_hand import assert_same_values_and_gradients
+from splats import camera, cloud, with_values
 from torch.nn import functional
 
-from baselines.splatting.gaussians import Gaussians
 from baselines.wild_gs.lifting import lifted, rendered_depth
 from baselines.wild_gs.triplane import VALUES, TriplaneNetwork, plane_pictures, read
 
@@ -28,16 +30,14 @@ def place(u, v):
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_of_two_points_each_side_of_a_plane_shows_the_nearer(axis):
     """Planes xy, yz, zx lie across z, x, y."""
-    plane = {2: 0, 0: 1, 1: 2}[axis]
     points = torch.tensor([[0.3, -0.6, 0.1]] * 2)
-    points[0, axis], points[1, axis] = 0.8, -0.8
-    pictures = seen(points, torch.stack([RED, BLUE]))
-    u, v = points[0, (axis + 1) % 3], points[0, (axis + 2) % 3]
-    row, column = place(u, v)
-    above, behind = pictures[plane, :, :, row, column]
+    points[:, axis] = torch.tensor([0.8, -0.8])
+    picture = seen(points, torch.stack([RED, BLUE]))[(axis + 1) % 3]
+    row, column = place(points[0, (axis + 1) % 3], points[0, (axis + 2) % 3])
+    above, behind = picture[:, :, row, column]
     assert above.tolist() == [0.5, -0.5, -0.5, 1]
     assert behind.tolist() == [-0.5, -0.5, 0.5, 1]
-    assert pictures[plane, :, 3].sum() == 2  # nothing else is on the plane
+    assert picture[:, 3].sum() == 2  # nothing else is on the plane
 
 
 def test_points_close_together_are_averaged_and_those_beyond_are_hidden():
@@ -51,22 +51,20 @@ def test_points_close_together_are_averaged_and_those_beyond_are_hidden():
 
 def test_what_does_not_count_or_lies_beyond_the_box_is_not_shown():
     points = torch.tensor([[0.1, 0.1, 0.9], [0.1, 0.1, 1.2], [0.1, 0.1, -0.2]])
-    counted = torch.tensor([False, True, True])
+    pictures = seen(points, torch.stack([RED, RED, BLUE]), torch.tensor([False, True, True]))
     row, column = place(0.1, 0.1)
-    pictures = seen(points, torch.stack([RED, RED, BLUE]), counted)
     assert torch.allclose(pictures[0, :, :, row, column], torch.tensor([[-0.5, -0.5, 0.5, 1]] * 2))
     assert pictures[:, :, 3].sum() == 6
 
 
 @pytest.mark.parametrize("count", [0, 3])
 def test_no_points_are_empty_pictures(count):
-    points, colours = torch.zeros(count, 3), torch.ones(count, 3)
-    pictures = seen(points, colours, torch.zeros(count, dtype=torch.bool))
+    pictures = seen(torch.zeros(count, 3), torch.ones(count, 3), torch.zeros(count, dtype=torch.bool))
     assert pictures.shape == (3, 2, VALUES, SIDE, SIDE)
     assert not pictures.any()
     planes = TriplaneNetwork((8, 16, 32), 5)(pictures.flatten(1, 2))
-    assert planes.isfinite().all()
     assert planes.shape == (3, 5, SIDE, SIDE)
+    assert planes.isfinite().all()
 
 
 def test_reading_and_its_gradient_are_those_of_torchs_sampler():
@@ -74,18 +72,13 @@ def test_reading_and_its_gradient_are_those_of_torchs_sampler():
     planes = torch.rand(3, 4, 6, 6, generator=generator, dtype=torch.float64)
     positions = 2.6 * torch.rand(40, 3, generator=generator, dtype=torch.float64) - 1.3
     upstream = torch.rand(40, 4, generator=generator, dtype=torch.float64)
-    ends = []
-    for theirs in (False, True):
-        leaf = planes.clone().requires_grad_()
-        if theirs:
-            pairs = torch.stack([positions[:, [0, 1]], positions[:, [1, 2]], positions[:, [2, 0]]])[:, :, None]
-            options = {"mode": "bilinear", "padding_mode": "border", "align_corners": False}
-            values = functional.grid_sample(leaf, pairs, **options)[..., 0].sum(dim=0).T
-        else:
-            values = read(leaf, positions)
-        (values * upstream).sum().backward()
-        ends.append((values.detach(), leaf.grad))
-    assert all(torch.allclose(ours, theirs, atol=1e-12) for ours, theirs in zip(*ends, strict=True))
+
+    def theirs(planes, positions):
+        pairs = torch.stack([positions[:, [0, 1]], positions[:, [1, 2]], positions[:, [2, 0]]])[:, :, None]
+        values = functional.grid_sample(planes, pairs, padding_mode="border", align_corners=False)
+        return values[..., 0].sum(dim=0).T
+
+    assert_same_values_and_gradients(read, theirs, upstream, planes, positions)
 
 
 def wall(depth, view, count=40, reach=3.0):
@@ -93,14 +86,9 @@ def wall(depth, view, count=40, reach=3.0):
     axis = np.linspace(-reach, reach, count)
     local = np.stack([*np.meshgrid(axis, axis), np.full((count, count), depth)], axis=-1).reshape(-1, 3)
     means = (local - view.world_to_camera[:3, 3]) @ view.rotation
-    n = len(means)
-    gaussians = Gaussians(
-        means=means.astype(np.float32),
-        quaternions=np.tile(np.array([1, 0, 0, 0], np.float32), (n, 1)),
-        log_scales=np.full((n, 3), np.log(0.1), np.float32),
-        opacity_logits=np.full(n, 6, np.float32),
-        sh=np.zeros((n, 1, 3), np.float32),
-    )
+    gaussians = replace(cloud(len(means), 0), means=means.astype(np.float32))
+    for name, value in (("quaternions", [1, 0, 0, 0]), ("log_scales", np.log(0.1)), ("opacity_logits", 6), ("sh", 0)):
+        gaussians = with_values(gaussians, name, slice(None), value)
     return {name: torch.from_numpy(value) for name, value in gaussians.state_dict().items()}
 
 
@@ -134,7 +122,6 @@ def test_where_next_to_nothing_is_there_is_no_depth():
     found = rendered_depth({name: value[right] for name, value in half.items()}, view, 0.1, False)
     assert np.isnan(found[:, :8]).all()
     assert np.abs(found[:, 12:] - 3).max() < 1e-3
-    none = {name: value[:0] for name, value in half.items()}
-    assert np.isnan(rendered_depth(none, view, 0.1, False)).all()
-    faint = {**half, "opacity_logits": half["opacity_logits"] - 12}
-    assert np.isnan(rendered_depth(faint, view, 0.1, False)).all()
+    none, faint = {k: v[:0] for k, v in half.items()}, {**half, "opacity_logits": half["opacity_logits"] - 12}
+    for gaussians in (none, faint):
+        assert np.isnan(rendered_depth(gaussians, view, 0.1, False)).all()

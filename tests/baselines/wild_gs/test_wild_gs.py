@@ -3,17 +3,14 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 import torch
 from disturbed import fitted
-from looks import BRIEF, GROWING, SPLATTING, cast, held_out, true_pictures, whole
+from looks import BRIEF, GROWING, LIGHT, SPLATTING, all_grey, held_out, true_pictures
 from splats import camera, cloud, photographed
 
 from baselines.encoders.objective import PerceptualObjective
 from baselines.gaussian_splatting import GaussianSplatting
-from baselines.method import check_hidden
 from baselines.splatting.appearance.gaussians import AppearanceGaussians, gaussians_in_view, with_appearance
-from baselines.splatting.files.ply import SPLATS, read_ply
 from baselines.splatting.kernels.buffer_pool import BufferPool
 from baselines.splatting.kernels.splats.sh_coefficients import C0
 from baselines.splatting.rasterizer import render
@@ -26,73 +23,34 @@ from baselines.wild_gs.method import WildGS, WildGSConfig
 from baselines.wild_gs.triplane import CHANNELS
 from hydroviews.scene.images import write_png
 
+
 # Where light differs and nothing comes and goes: masks would take casts for that.
-LIGHT = replace(BRIEF, absent=0.0, visible_from=2.0)
-
-
-def things_lit():
-    """What `photographed` shows, and which of it stands under a lamp of its own."""
-    things = cloud(60, degree=0, seed=3, size=0.15)
-    return things, things.means[:, 0] > 0
-
-
-def cast_on_a_part(scene):
-    """One half of the scene's things under a lamp that shines otherwise in every photograph."""
-    rng, (things, lit) = np.random.default_rng(2), things_lit()
+def test_a_lamp_on_a_part_of_the_scene_is_told_from_the_scene(tmp_path):
+    """One half of the things stands under a lamp that shines otherwise in every photograph."""
+    scene, things, rng = photographed(tmp_path), cloud(60, degree=0, seed=3, size=0.15), np.random.default_rng(2)
+    truth, lit = true_pictures(scene), things.means[:, 0] > 0
     for view in scene.train_views:
         colours = np.maximum(0.5 + C0 * things.sh[:, 0], 0).astype(np.float32)
         colours[lit] *= np.exp(rng.normal(-0.5, 0.4, 3)).astype(np.float32)
         write_png(view.path, np.clip(render(things.coloured(colours), view.camera)[0], 0, 1))
 
+    def lit_or_not(camera):
+        """Where a picture shows things under the lamp, and where it does not [2, H, W]."""
+        white = np.repeat(lit[:, None], 3, axis=1).astype(np.float32)
+        under = render(things.coloured(white), camera)[0][..., 0] > 0.5
+        return np.stack([under, ~under])
 
-def lit_or_not(camera):
-    """Where a picture shows things under the lamp, and where it does not [2, H, W]."""
-    things, lit = things_lit()
-    white = np.repeat(np.where(lit, np.float32(1), np.float32(0))[:, None], 3, axis=1)
-    under = render(things.coloured(white), camera)[0][..., 0] > 0.5
-    return np.stack([under, ~under])
-
-
-@pytest.mark.parametrize(("spoilt", "parts"), [(cast, whole), (cast_on_a_part, lit_or_not)])
-def test_light_that_differs_is_told_from_the_scene(tmp_path, spoilt, parts):
-    scene = photographed(tmp_path)
-    truth = true_pictures(scene)
-    spoilt(scene)
     plain = fitted(GaussianSplatting, SPLATTING, scene, tmp_path / "plain")
     look = fitted(WildGS, WildGSConfig(SPLATTING, LIGHT), scene, tmp_path / "wild")
-    assert held_out(look, scene, truth, parts) > held_out(plain, scene, truth, parts) + 0.5
+    assert held_out(look, scene, truth, lit_or_not) > held_out(plain, scene, truth, lit_or_not) + 0.5
 
 
-def test_viewers_see_the_mean_look_and_references_are_not_saved(tmp_path):
-    scene = photographed(tmp_path, n_views=6, width=37, height=29)
-    config = WildGSConfig(GROWING, SHORT)
-    method = fitted(WildGS, config, scene, tmp_path)
-    method.save(tmp_path)
-    check_hidden(method.hidden(0, (29, 37)), (29, 37))
-    assert WildGS.load(config, 0, tmp_path).hidden(0, (29, 37)) is None
-    camera = scene.test_views[0].camera
-    shown = render(read_ply(tmp_path / SPLATS), camera, near=method._trained.near)[0]
-    assert np.abs(np.clip(shown, 0, 1) - method.render(camera)).max() < 1e-5
-
-
-@pytest.fixture
-def alike(tmp_path):
-    """A method taught with photographs of one colour, its Gaussians with their features, and its cameras."""
-    scene = photographed(tmp_path, n_views=6)
-    for view in scene.train_views:
-        write_png(view.path, np.full((36, 48, 3), 0.4, np.float32))
+def test_the_mean_look_is_that_of_the_views_where_they_agree(tmp_path, monkeypatch):
+    scene = all_grey(photographed(tmp_path, n_views=6))
     method = WildGS(WildGSConfig(GROWING, replace(BRIEF, absent=0.0)), 0)
-    appearance = method.objective(scene, tmp_path).appearance
-    gaussians = cloud(80, 1)
-    torch.manual_seed(0)
-    with torch.no_grad():
-        appearance.colours.colour[-1].weight.normal_(0, 0.1)
+    appearance, gaussians = restless(method.objective(scene, tmp_path).appearance), cloud(80, 1)
     features = np.random.default_rng(0).normal(size=appearance.features(gaussians).shape).astype(np.float32)
-    return appearance, replace(gaussians, features=features), [view.camera for view in scene.train_views]
-
-
-def test_the_mean_look_is_that_of_the_views_where_they_agree(alike, monkeypatch):
-    appearance, gaussians, cameras = alike
+    gaussians, cameras = replace(gaussians, features=features), [view.camera for view in scene.train_views]
 
     def places(view, visible, parameters, camera):
         """What lies where, whoever looks."""
@@ -127,14 +85,10 @@ def restless(appearance):
     return appearance
 
 
-def opaque(count=200):
+def opaque(appearance):
     """Gaussians that cover the view."""
-    gaussians = cloud(count, 1, size=0.25)
-    return replace(gaussians, opacity_logits=np.full(count, 3, np.float32))
-
-
-def shown(appearance, view=0):
-    return AppearanceGaussians(with_appearance(opaque(), appearance), appearance, VIEW, view, 1)
+    gaussians = replace(cloud(200, 1, size=0.25), opacity_logits=np.full(200, 3, np.float32))
+    return with_appearance(gaussians, appearance)
 
 
 def test_colours_are_what_the_layers_say_of_codes_and_intrinsic_numbers():
@@ -163,7 +117,7 @@ def test_what_lies_beyond_the_box_shares_one_local_code():
 
 def test_gradients_reach_the_gaussians_colours_and_numbers_every_network_and_no_position():
     appearance = restless(appearance_of())
-    found = shown(appearance)
+    found = AppearanceGaussians(opaque(appearance), appearance, VIEW, 0, 1)
     upstream = cloud(200, 1, seed=5).select(found.rows)
     gradients = found.backward(upstream, upstream.sh[None], BufferPool())
     assert np.array_equal(gradients.means[found.rows], upstream.means)
@@ -175,36 +129,37 @@ def test_gradients_reach_the_gaussians_colours_and_numbers_every_network_and_no_
     assert lazy in ([], ["outside"])  # what is in sight may all be within the box
 
 
-def parameters_of(appearance):
-    return {name: torch.from_numpy(v) for name, v in with_appearance(opaque(), appearance).state_dict().items()}
+ALL_SEEN = torch.ones(8, 11)
+
+
+def pictures_of(appearance, view, visible):
+    parameters = {name: torch.from_numpy(v) for name, v in opaque(appearance).state_dict().items()}
+    return appearance.pictures(view, visible, parameters, VIEW)
 
 
 def test_the_look_of_a_place_is_that_of_the_pixels_there():
     """Half of a photograph turns red: so do about half of the places on the planes, and the others stay as they are."""
     pixels = np.full((2, HEIGHT, WIDTH, 3), 128, np.uint8)
     pixels[1, :, : WIDTH // 2] = (255, 0, 0)
-    appearance, everything = restless(appearance_of(pixels=pixels)), torch.ones(8, 11)
+    appearance = restless(appearance_of(pixels=pixels))
     with torch.no_grad():
-        before, after = (appearance.pictures(v, everything, parameters_of(appearance), VIEW) for v in (0, 1))
+        before, after = (pictures_of(appearance, view, ALL_SEEN) for view in (0, 1))
     changed = (before != after).any(dim=1)
     assert 0.3 < float(changed.sum() / (before[:, [3, 7]] > 0).any(dim=1).sum()) < 0.7
     assert torch.equal(before[:, 3], after[:, 3])  # the points are the same, their colours are not
 
 
 def test_what_is_masked_or_hidden_is_not_lifted():
-    ignored = np.zeros((HEIGHT, WIDTH), bool)
-    ignored[:, :20] = True
+    ignored, half = np.zeros((HEIGHT, WIDTH), bool), ALL_SEEN.clone()
+    ignored[:, :20], half[:, 5:] = True, 0.4
 
     def points(visible, hidden=()):
-        appearance = appearance_of(ignored=hidden)
-        return float((appearance.pictures(0, visible, parameters_of(appearance), VIEW)[:, 3] > 0).float().sum())
+        return float((pictures_of(appearance_of(ignored=hidden), 0, visible)[:, 3] > 0).float().sum())
 
-    all_seen, half, nothing = torch.ones(8, 11), torch.ones(8, 11), torch.full((8, 11), 0.4)
-    half[:, 5:] = 0.4
-    everything = points(all_seen)
-    assert points(nothing) == 0
+    everything = points(ALL_SEEN)
+    assert points(torch.full((8, 11), 0.4)) == 0
     assert 0 < points(half) < everything
-    assert 0 < points(all_seen, [ignored, None]) < everything
+    assert 0 < points(ALL_SEEN, [ignored, None]) < everything
 
 
 def test_the_mask_learns_at_the_price_of_the_step():

@@ -9,7 +9,6 @@ from disturbed import fitted
 from splats import BACKGROUND, cloud, photographed
 from torch.nn.modules.module import register_module_forward_pre_hook
 
-from baselines.encoders.objective import PerceptualObjective
 from baselines.splatting.appearance.gaussians import with_appearance
 from baselines.splatting.backends.base import CpuBackend
 from baselines.splatting.config import TrainerConfig
@@ -45,10 +44,19 @@ BRIEF = replace(
     rate_intrinsic=1e-2,
     visible_from=0.05,
 )
+# Where light differs and nothing comes and goes: masks would take casts for that.
+LIGHT = replace(BRIEF, absent=0.0, visible_from=2.0)
 
 
 def true_pictures(scene):
     return {view.name: view.image() for view in scene.views}
+
+
+def all_grey(scene):
+    """Training photographs of one colour."""
+    for view in scene.train_views:
+        write_png(view.path, np.full((view.camera.height, view.camera.width, 3), 0.4, np.float32))
+    return scene
 
 
 def cast(scene):
@@ -96,14 +104,14 @@ def hides_everything_and_says_so(kind, config, folder, caplog):
     assert np.isfinite(method.render(scene.test_views[0].camera)).all()
 
 
-def assert_the_same_steps(folder, cuda_backend, appearance_of):
-    """Four steps on both backends, with the appearance that is made of the photographs, end nearly the same."""
+def assert_the_same_steps(folder, cuda_backend, objective_of, loss_error=1e-3, error=1e-4):
+    """Four steps on both backends, with the objective that is made of the photographs, end nearly the same."""
     scene = photographed(folder, n_views=6)
     images, cameras = read_images(scene.train_views), [view.camera for view in scene.train_views]
     ends = []
     for kind in (CpuBackend, cuda_backend):
-        appearance = appearance_of(images)
-        backend = kind(PerceptualObjective(images, 0.2, appearance), BACKGROUND, 0.01)
+        objective = objective_of(images)
+        appearance, backend = objective.appearance, kind(objective, BACKGROUND, 0.01)
         backend.put(fresh_state(with_appearance(cloud(60, 1), appearance)))
         for iteration in range(4):
             rates = {
@@ -111,14 +119,15 @@ def assert_the_same_steps(folder, cuda_backend, appearance_of):
                 "features": appearance.feature_rate(iteration),
             }
             loss = backend.step(cameras[iteration], iteration, iteration, 1, rates, StepOptions(watch=True))
-        ends.append((loss, backend.residual(cameras[4], 4, 1), appearance, backend.get(4, 0.0).gaussians))
+        ends.append((loss, backend.residual(cameras[4], 4, 1), appearance, backend.get(4, 0.0)))
     (loss, residual, appearance, ours), (other_loss, other_residual, other, theirs) = ends
-    assert loss == pytest.approx(other_loss, rel=1e-3)
-    assert residual == pytest.approx(other_residual, rel=1e-3)
+    assert loss == pytest.approx(other_loss, rel=loss_error)
+    assert residual == pytest.approx(other_residual, rel=loss_error)
     for (name, value), twin in zip(appearance.named_parameters(), other.parameters(), strict=True):
-        assert (value - twin.detach().cpu()).abs().quantile(0.9) < 1e-4, name
-    for name, value in ours.state_dict().items():
-        assert np.quantile(np.abs(value - theirs.state_dict()[name]), 0.9) < 1e-4, name
+        assert (value - twin.detach().cpu()).abs().max() < 1e-4, name
+    assert np.allclose(ours.gradient_sum, theirs.gradient_sum, rtol=2e-2, atol=1e-6)
+    for name, value in ours.gaussians.state_dict().items():
+        assert np.quantile(np.abs(value - theirs.gaussians.state_dict()[name]), 0.9) < error, name
 
 
 def whole(camera):

@@ -28,3 +28,13 @@ def shaken(network, size=0.2):
         for parameter in network.parameters():
             parameter.add_(size * torch.randn(parameter.shape, generator=generator))
     return network
+
+
+def assert_same_values_and_gradients(ours, theirs, upstream, *inputs):
+    """Two functions of tensors have the same values and, by the inputs, the same gradients."""
+    ends = []
+    for function in (ours, theirs):
+        leaves = [values.clone().requires_grad_() for values in inputs]
+        values = function(*leaves)
+        ends.append((values, *torch.autograd.grad(values, leaves, upstream)))
+    assert all(torch.allclose(found, expected, atol=1e-12) for found, expected in zip(*ends, strict=True))

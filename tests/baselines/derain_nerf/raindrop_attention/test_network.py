@@ -1,6 +1,5 @@
 """The networks that find drops, their losses against their definitions, and their training."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -32,13 +31,13 @@ from baselines.supervised.validation import as_json, average_precision
 from hydroviews.pairs.rainy_pairs import DrawnRain
 
 
-def picture(height: int, width: int, seed: int = 0) -> np.ndarray:
-    return np.random.default_rng(seed).random((height, width, 3)).astype(np.float32)
+def picture(height: int, width: int) -> np.ndarray:
+    return np.random.default_rng(0).random((height, width, 3)).astype(np.float32)
 
 
-def random_generator(config: GeneratorConfig = GENERATOR) -> DerainGenerator:
+def random_generator() -> DerainGenerator:
     """Untrained, its outputs not zero."""
-    generator = DerainGenerator(config).eval()
+    generator = DerainGenerator(GENERATOR).eval()
     for parameter in generator.autoencoder.outputs.parameters():
         torch.nn.init.normal_(parameter, std=0.1)
     return generator
@@ -48,18 +47,17 @@ def random_generator(config: GeneratorConfig = GENERATOR) -> DerainGenerator:
 def test_any_size_gives_maps_and_pictures_in_range(height, width):
     image = picture(height, width)
     found = detect(image, random_generator())
-    assert found.attention.shape == (height, width)
-    assert found.derained.shape == (height, width, 3)
+    assert (found.attention.shape, found.derained.shape) == ((height, width), (height, width, 3))
     assert 0 < found.attention.min() <= found.attention.max() < 1
     assert 0 <= found.derained.min() <= found.derained.max() <= 1
     untrained = detect(image, DerainGenerator(GENERATOR))  # which changes nothing before it has learned
     np.testing.assert_array_equal(untrained.derained, image)
 
 
-def test_what_is_no_picture_is_refused():
-    for image, message in ((np.zeros((4, 4), np.float32), "shape"), (np.full((4, 4, 3), np.nan, np.float32), "finite")):
-        with pytest.raises(ValueError, match=message):
-            detect(image, random_generator())
+@pytest.mark.parametrize(("shape", "value", "message"), [((4, 4), 0, "shape"), ((4, 4, 3), np.nan, "finite")])
+def test_what_is_no_picture_is_refused(shape, value, message):
+    with pytest.raises(ValueError, match=message):
+        detect(np.full(shape, value, np.float32), random_generator())
 
 
 @pytest.mark.parametrize("stride", [1, 2])
@@ -115,12 +113,12 @@ def test_scales_are_weighed():
 
 def test_adversaries_agree_with_their_logarithms():
     logits, real = torch.tensor([0.3, -2.0]), torch.tensor([1.5, 0.1])
-    sigmoid = lambda z: 1 / (1 + math.exp(-z))  # noqa: E731
-    fooled = [math.log(1 - sigmoid(z)) for z in logits.tolist()]
-    assert adversarial_loss(logits).item() == pytest.approx(sum(fooled) / 2)
+    fooled = np.mean(np.log(1 - 1 / (1 + np.exp(-logits.double().numpy()))))
+    believed = np.mean(np.log(1 / (1 + np.exp(-real.double().numpy()))))
+    assert adversarial_loss(logits).item() == pytest.approx(fooled)
     seen = Judgement(logits, torch.full((2, 1, 2, 2), 0.5)), Judgement(real, torch.full((2, 1, 2, 2), 0.2))
     attention = torch.full((2, 1, 8, 8), 0.9)
-    expected = -sum(math.log(sigmoid(z)) for z in real.tolist()) / 2 - sum(fooled) / 2 + 0.05 * (0.16 + 0.04)
+    expected = -believed - fooled + 0.05 * (0.16 + 0.04)
     assert discriminator_loss(*seen, attention, 0.05).item() == pytest.approx(expected, rel=1e-5)
 
 
@@ -138,8 +136,9 @@ def test_gradients_are_finite_where_nothing_is_to_be_done(level):
     clean = torch.rand(1, 3, 48, 48) if level is None else torch.full((1, 3, 48, 48), float(level))
     generator, discriminator = DerainGenerator(GENERATOR), Discriminator(DISCRIMINATOR)
     found = generator(clean)
-    judged = discriminator(found.frames.whole)
-    losses = generator_losses(found, clean, torch.zeros_like(clean[:, :1]), judged, TRAINING.losses)
+    losses = generator_losses(
+        found, clean, torch.zeros_like(clean[:, :1]), discriminator(found.frames.whole), TRAINING.losses
+    )
     assert losses.scales.item() == losses.perceptual.item() == 0
     losses.total(TRAINING.losses).backward()
     judged = discriminator(found.frames.whole.detach())
@@ -150,24 +149,6 @@ def test_gradients_are_finite_where_nothing_is_to_be_done(level):
 
 def drawn():
     return DrawnRain([{96: photograph()}], {(96, 64): (lens(),)}, {"raindrop": 1.0})
-
-
-def learn(folder, config=TRAINING, kind=Patches):
-    training = AttentionTraining(config)
-    patches = kind(drawn(), config.patch, config.crops, config.batch, config.seed)
-    train(training, patches, folder, "drops", lambda _: {}, INTERVALS)
-    return training
-
-
-def test_patches_show_the_cover_of_their_own_place():
-    rainy, clean, cover = Patches(drawn(), 48, 3, 2, 0)[0]
-    assert rainy.shape == clean.shape == (6, 3, 48, 48)
-    assert cover.shape == (6, 1, 48, 48)
-    assert 0 < cover.mean() < 1
-    again = Patches(drawn(), 48, 3, 2, 0)[0]
-    assert all(torch.equal(a, b) for a, b in zip((rainy, clean, cover), again, strict=True))
-    assert not torch.equal(rainy, Patches(drawn(), 48, 3, 2, 1)[0].rainy)
-    assert not without_drops(lens()).matte.mask.any()
 
 
 class Bright(Patches):
@@ -183,14 +164,25 @@ class Bright(Patches):
 
 def test_drops_are_learned_and_removed(tmp_path):
     losses = LossConfig(perceptual="alex", perceptual_weight=0, adversarial=0)  # 32 pixels have no texture to judge
-    training = learn(tmp_path, replace(TRAINING, losses=losses, steps=60, rate=5e-3, averaging=0.9), Bright)
-    rainy, clean, cover = Bright(drawn(), 32, 1, 1, 0)[99]
+    training = AttentionTraining(replace(TRAINING, losses=losses, steps=60, rate=5e-3, averaging=0.9))
+    pictures = Bright(drawn(), 32, 1, 1, 0)
+    train(training, pictures, tmp_path, "drops", lambda _: {}, INTERVALS)
+    rainy, clean, cover = pictures[99]
     with torch.no_grad():
         maps, frames = training.averaged(rainy)
     truth = torch.nn.functional.avg_pool2d(cover, 2) > 0.5
     assert average_precision(maps[-1].numpy().ravel(), truth.numpy().ravel()) > 0.9
     assert (frames.whole - clean).square().mean() < 0.5 * (rainy - clean).square().mean()
     assert {"attention", "discriminator"} <= training.losses.keys()
+
+
+def test_patches_show_the_cover_of_their_own_place():
+    batch, again, other = (Patches(drawn(), 48, 3, 2, seed)[0] for seed in (0, 0, 1))
+    assert [part.shape for part in batch] == [(6, 3, 48, 48), (6, 3, 48, 48), (6, 1, 48, 48)]
+    assert 0 < batch.cover.mean() < 1
+    assert all(torch.equal(a, b) for a, b in zip(batch, again, strict=True))
+    assert not torch.equal(batch.rainy, other.rainy)
+    assert not without_drops(lens()).matte.mask.any()
 
 
 def test_average_precision_against_counting():
@@ -203,19 +195,17 @@ def test_average_precision_against_counting():
 
 
 def test_scores_of_a_network_that_changes_nothing():
-    clean = np.full((32, 32, 3), 0.5, np.float32)
-    cover = np.zeros((32, 32), np.float32)
+    clean, cover = np.full((32, 32, 3), 0.5, np.float32), np.zeros((32, 32), np.float32)
     cover[:8] = 1
-    generator = DerainGenerator(GENERATOR)
     pictures = [
         ValidationPicture("drops-light", clean + 0.1, clean, cover),
         ValidationPicture("clean", clean, clean, 0 * cover),
     ]
-    drops, dry = scores(generator, pictures)
-    assert (drops.before, drops.after) == (pytest.approx(20, abs=1e-3), pytest.approx(20, abs=1e-3))
-    assert drops.pictures == 1
+    drops, dry = scores(DerainGenerator(GENERATOR), pictures)
+    assert (drops.before, drops.after, drops.pictures) == (pytest.approx(20, abs=1e-3), pytest.approx(20, abs=1e-3), 1)
     assert np.isnan(dry.precision)
-    assert "clean AP" not in as_columns([drops, dry])
-    assert as_columns([drops, dry])["drops-light gain"] == pytest.approx(0, abs=1e-3)
+    columns = as_columns([drops, dry])
+    assert "clean AP" not in columns
+    assert columns["drops-light gain"] == pytest.approx(0, abs=1e-3)
     assert as_json([dry], decimals=4)[0]["before"] is None
     assert "| drops-light | 1 |" in table([drops, dry])

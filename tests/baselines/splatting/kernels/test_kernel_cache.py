@@ -43,7 +43,6 @@ def test_kernels_that_are_not_in_the_cache_give_the_same_bits(tmp_path):
     first = trained(tmp_path / "first", cache.parent)
     assert list(cache.rglob(FRESH))
     later = trained(tmp_path / "later", cache.parent)
-    assert "compiling the kernels" in first.stderr
-    assert "compiling the kernels" not in later.stderr
+    assert ["compiling the kernels" in run.stderr for run in (first, later)] == [True, False]
     assert len(first.stdout.strip()) == 64
     assert first.stdout == later.stdout

@@ -1,10 +1,10 @@
 """The fused loss and Adam against torch."""
 
-import numba
 import numpy as np
 import pytest
 import torch
 from ssim_windows import KINDS, hard_weights, loss_by_windows
+from thread_counts import assert_same_on_two_threads
 
 from baselines.splatting.backends.torch_rasterizer import photometric_loss as exact_loss
 from baselines.splatting.kernels.adam import adam_step
@@ -130,22 +130,21 @@ def test_smooth_pictures_lose_little_to_rounding():
 @pytest.mark.parametrize("size", [(1, 1), (129, 161), (150, 40)])
 def test_nothing_outside_the_picture_is_read_or_written(size):
     """Pictures in the middle of arrays full of NaN: none gets in, and none is overwritten."""
-    height = size[1]
     image, target = pair(*size)
     loss, gradient = photometric_loss(image, target_of(target))
 
     def surrounded(plane, by=np.nan):
         around = np.full(plane.size + 4096, by, plane.dtype)
-        inside = around[2048:-2048].reshape(height, -1)
-        inside[:] = plane.reshape(height, -1)
+        inside = around[2048:-2048].reshape(plane.shape)
+        inside[:] = plane
         return around, inside
 
     (_, x), (around, out) = surrounded(image), surrounded(np.zeros_like(image))
+    rows = out.reshape(len(out), -1)
     for by in (0, 255):
         _, y = surrounded(to_uint8(target), by)
-        again = compare(x.reshape(image.shape), prepare_target(y.reshape(image.shape)), 0.2, NONE, NONE, out)
-        assert again == loss
-        assert np.array_equal(out, gradient.reshape(height, -1))
+        assert compare(x, prepare_target(y), 0.2, NONE, NONE, rows) == loss
+        assert np.array_equal(out, gradient)
     assert np.isnan(around[:2048]).all()
     assert np.isnan(around[-2048:]).all()
 
@@ -153,12 +152,7 @@ def test_nothing_outside_the_picture_is_read_or_written(size):
 def test_results_do_not_depend_on_the_number_of_threads():
     image, target = pair(300, 330)
     weights = np.random.default_rng(1).random(target.shape[:2]).astype(np.float32)
-    results = []
-    for threads in (1, 2):
-        numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))
-        loss, gradient = photometric_loss(image, target_of(target), 0.2, weights)
-        results.append((loss, gradient.tobytes()))
-    assert results[0] == results[1]
+    assert_same_on_two_threads(lambda: photometric_loss(image, target_of(target), 0.2, weights))
 
 
 def test_sizes_must_agree():
@@ -187,7 +181,7 @@ def test_adam_is_torchs(shape):
 
 
 def test_adam_takes_a_rate_for_each_column():
-    values, gradient = np.zeros((500, 4, 3), np.float32), np.ones((500, 4, 3), np.float32)
+    values, gradient, first, second = np.zeros((4, 500, 4, 3), np.float32)
     rates = np.arange(12, dtype=np.float32).reshape(4, 3)
-    adam_step(values, gradient, np.zeros_like(values), np.zeros_like(values), 1, rates)
+    adam_step(values, gradient + 1, first, second, 1, rates)
     assert np.allclose(values, -rates[None], rtol=1e-5)
