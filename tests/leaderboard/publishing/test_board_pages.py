@@ -1,12 +1,11 @@
 """What a board shows: written elsewhere, whole, and without what is no longer there; the board stays as it is."""
 
-import json
 import shutil
 from pathlib import Path
 
 import pandas as pd
 import pytest
-from damage import files
+from damage import edit, files
 from made_up_board import write_board as make_runs
 
 from hydroviews.errors import InputError
@@ -51,8 +50,8 @@ def test_all_tables_comparisons_and_pages_are_written_beside_a_board_that_stays_
     tables = {f"{name}.csv" for name in ("leaderboard", "per_view", "tables", "grades", "costs", "ablation")}
     assert written == {*tables, "tables.md", "tables.tex", "comparisons.md"}
     assert len(pd.read_csv(shown / "leaderboard.csv")) == 15
-    assert len(list((shown / "site" / "pictures").iterdir())) == 45  # three renders of each run
-    assert len(list((shown / "site" / "runs").iterdir())) == 15
+    for folder, number in (("pictures", 45), ("runs", 15)):  # three renders of each run
+        assert len(list((shown / "site" / folder).iterdir())) == number
 
 
 def test_comparisons_are_of_every_suite_and_metric(board, shown):
@@ -98,8 +97,7 @@ def test_runs_that_left_the_board_go_and_files_of_the_users_stay(board, shown, t
 def test_runs_of_a_board_that_cannot_be_used_are_named(board, tmp_path):
     damaged, partial = (board / "demo" / method / "pond/streak-1/seed-0/record.json" for method in ("3dgs", "ours"))
     damaged.write_text("{")
-    record = json.loads(partial.read_text())
-    partial.write_text(json.dumps(record | {"status": "partial", "reason": "no weights", "lpips_vgg": None}))
+    edit(partial, status="partial", reason="no weights", lpips_vgg=None)
     told = r"cannot be shown[\s\S]*demo/3dgs/pond/.*not valid JSON[\s\S]*demo/ours/pond/.*: partial: no weights"
     with pytest.raises(InputError, match=told):
         write_board(board, tmp_path / "out")
@@ -107,13 +105,14 @@ def test_runs_of_a_board_that_cannot_be_used_are_named(board, tmp_path):
 
 def test_folders_that_are_something_else_are_refused(board, made, tmp_path):
     before = files(made)
-    with pytest.raises(InputError, match="the board itself"):
-        write_board(board, board)
-    with pytest.raises(InputError, match="results: holds other files"):
-        write_board(board, made / "results")
+    for source, out, message in (
+        (board, board, "the board itself"),
+        (board, made / "results", "results: holds other files"),
+        (tmp_path / "nothing", tmp_path / "out", "no published run"),
+    ):
+        with pytest.raises(InputError, match=message):
+            write_board(source, out)
     assert files(made) == before
-    with pytest.raises(InputError, match="no published run"):
-        write_board(tmp_path / "nothing", tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
