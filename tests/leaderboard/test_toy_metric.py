@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 from made_up_board import write_board as write_runs
 
+from examples.brightness import brightness_error
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.metrics import find_metrics
@@ -70,24 +71,32 @@ def test_runs_of_before_a_metric_was_registered_are_published_and_shown(tmp_path
 def test_a_record_outlives_a_metric_that_is_no_longer_registered(tmp_path, register):
     written = {"psnr": 20.0, "brightness": 0.5, "method": "m", "scene": "s", "effect": "e", "pattern": "p", "seed": 0}
     written |= {"track": "given-poses", "status": "done", "reason": "", "n_train": 1, "n_test": 1}
+    written |= {"width": 1, "height": 1}
     path = tmp_path / "record.json"
-    write_json(path, {**written, "width": 1, "height": 1})
+    write_json(path, written)
     assert read_record(path).scores == {"psnr": 20.0}
     register(EXAMPLE)
     assert read_record(path).scores == {"psnr": 20.0, "brightness": 0.5}
-    write_json(path, {**written, "width": 1, "height": 1, "colour": "red"})
+    write_json(path, written | {"colour": "red"})
     with pytest.raises(InputError, match="not a record of this version"):
         read_record(path)
 
 
 @pytest.mark.parametrize(
     ("value", "message"),
-    [
-        ("hydroviews.metrics.registry:METRICS", "is not a metric"),
-        ("examples.brightness:ABSENT", "cannot import"),
-    ],
+    [("hydroviews.metrics.registry:METRICS", "is not a metric"), ("examples.brightness:ABSENT", "cannot import")],
 )
 def test_what_is_no_metric_is_refused(register, value, message):
     register(value)
     with pytest.raises(InputError, match=message):
         find_metrics()
+
+
+def test_the_example_is_the_distance_of_the_means_of_what_is_shown():
+    target = np.full((4, 6, 3), 0.5, np.float32)
+    image = target.copy()
+    image[:, :3] += np.float32(10 / 255)
+    assert brightness_error(image, target) == pytest.approx(5, abs=1e-4)
+    ignored = np.zeros((4, 6), bool)
+    ignored[:, 3:] = True
+    assert brightness_error(image, target, ignored=ignored) == pytest.approx(10, abs=1e-4)
