@@ -148,10 +148,9 @@ def test_rainy_photographs_without_cameras_become_a_scene(tmp_path, monkeypatch,
         write_png(tmp_path / "walk" / f"{name}.png", rained_on(image, i))
     config = DeRainGSConfig(replace(CONFIG, iterations=60), rain=RainConfig(), prior="small")
     monkeypatch.setattr(Short, "profiles", {"demo": config})
+    request = Reconstruction(tmp_path / "walk", method="short", profile="demo", long_side=96, film=BRIEF)
     with caplog.at_level("INFO"):
-        folder = reconstruct(
-            Reconstruction(tmp_path / "walk", method="short", profile="demo", long_side=96, film=BRIEF)
-        )
+        folder = reconstruct(request)
     assert folder == tmp_path / "walk-scene"
     assert visible(folder) == {"capture", "reconstruction.json", TRAINING, FILM, SHEET}
     told = capsys.readouterr().out + caplog.text
@@ -188,10 +187,10 @@ def test_methods_that_learn_from_clean_views_are_refused(request_of, monkeypatch
         reconstruct(request_of())
 
 
-def test_the_scene_goes_beside_the_photographs(tmp_path):
+@pytest.mark.parametrize("name", ["walk.mp4", "photos", "2024.05.01"])
+def test_the_scene_goes_beside_the_photographs(tmp_path, name):
     (tmp_path / "2024.05.01").mkdir()
-    for name in ("walk.mp4", "photos", "2024.05.01"):
-        assert Reconstruction(tmp_path / name).folder == tmp_path / f"{name.removesuffix('.mp4')}-scene"
+    assert Reconstruction(tmp_path / name).folder == tmp_path / f"{name.removesuffix('.mp4')}-scene"
 
 
 @pytest.mark.parametrize(

@@ -30,7 +30,7 @@ from leaderboard.runs.supervision import Limits
 from leaderboard.scoring.score import score
 from leaderboard.sweep import task
 
-pytestmark = pytest.mark.usefixtures("toys")
+pytestmark = pytest.mark.usefixtures("toys", "trained_here")
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="a folder that takes no folders")
 
 
@@ -51,7 +51,7 @@ def test_rows_renders_and_scores(run, evaluated, tmp_path):
     assert (folder / "preview.png").is_file()
 
 
-def test_files_of_the_users_in_the_folders_of_runs_stay(request_of, run, evaluated, trained_here, tmp_path):
+def test_files_of_the_users_in_the_folders_of_runs_stay(request_of, run, evaluated, tmp_path):
     folder = run.folder
     config = json.loads((folder / "config.json").read_text())
     (folder / "config.json").write_text(json.dumps(config | {"config": {"shift": 0.5}}))
@@ -65,7 +65,7 @@ def test_files_of_the_users_in_the_folders_of_runs_stay(request_of, run, evaluat
     assert [path.read_text() for path in (*mine[:2], tmp_path / "results/tables.md.kept")] == ["mine"] * 3
 
 
-def test_what_is_in_the_way_of_a_run_gets_another_name(request_of, run, trained_here):
+def test_what_is_in_the_way_of_a_run_gets_another_name(request_of, run):
     for name in ("record.json", "prediction.json"):
         (run.folder / name).unlink()
     (run.folder / "record.json").mkdir()
@@ -107,7 +107,6 @@ def test_a_run_that_another_process_is_at_is_waited_for(request_of, run, evaluat
     assert "toy_methods:MeanColour on yard/streak-0, seed 0: kept" in caplog.text
 
 
-@pytest.mark.usefixtures("trained_here")
 def test_renders_that_were_interrupted_are_made_again(request_of, run, evaluated, tmp_path, monkeypatch):
     (run.folder / "record.json").unlink()
     with monkeypatch.context() as patch, pytest.raises(SystemExit):
@@ -183,14 +182,12 @@ def test_scoring_takes_the_folders_that_evaluate_takes_and_removes_what_was_half
     assert not list(results.rglob(".partial-*"))
 
 
-@pytest.mark.usefixtures("trained_here")
 def test_a_method_that_sees_clean_views_needs_no_rain(request_of, tmp_path):
     evaluate(request_of("MeanColourClean"))
     assert list(leaderboard(tmp_path).method) == ["toy_methods:MeanColourClean"]
     assert not (tmp_path / "data/demo/yard/streak-0").exists()
 
 
-@pytest.mark.usefixtures("trained_here")
 def test_the_sparse_track_trains_on_a_third_and_keeps_apart(request_of, run, evaluated, tmp_path):
     record = evaluate(request_of("MeanColour", track="sparse-views"))[-1]
     table = leaderboard(tmp_path)
@@ -208,7 +205,6 @@ def test_the_sparse_track_trains_on_a_third_and_keeps_apart(request_of, run, eva
     assert score(sparse).n_train == 3
 
 
-@pytest.mark.usefixtures("trained_here")
 def test_a_task_says_by_its_status_whether_its_run_failed(request_of, run, evaluated, tmp_path):
     task.main(run, Limits(1, 1))  # is done
     with pytest.raises(SystemExit) as ended:
@@ -216,7 +212,6 @@ def test_a_task_says_by_its_status_whether_its_run_failed(request_of, run, evalu
     assert ended.value.code == 1
 
 
-@pytest.mark.usefixtures("trained_here")
 def test_other_settings_are_refused_unless_overwritten(request_of, run, monkeypatch):
     monkeypatch.setenv("TOY_SHIFT", "0.1")
     sys.modules.pop("toy_methods", None)

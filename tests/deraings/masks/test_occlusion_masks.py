@@ -105,12 +105,15 @@ def test_the_network_learns_the_same_on_a_gpu(pretended_gpu):
     assert np.array_equal(again.mask(0, SIZE), there.mask(0, SIZE))
 
 
-def test_pictures_never_seen_are_masked_alike_and_drops_that_cannot_be_seen_by_their_place_on_the_lens():
+def test_pictures_never_seen_are_masked_alike():
     pictures, drops = drop_pictures(0, count=8)
     unseen, hidden = drop_pictures(9)
     masks = taught(np.concatenate([pictures, unseen]), losses(drops), lessons=80, views=8)
     found = np.stack([masks.mask(8 + k, SIZE) for k in range(4)])
     assert found[hidden].mean() > found[~hidden].mean() + 0.25
+
+
+def test_drops_that_cannot_be_seen_are_found_by_their_place_on_the_lens():
     pictures, drops = drop_pictures(0, fixed=True)
     found = taught(pictures, losses(drops), lessons=48, views=3).mask(3, SIZE)
     assert found[drops[3]].mean() > found[~drops[3]].mean() + 0.25
@@ -216,12 +219,14 @@ def test_what_is_known_to_be_hidden_is_hidden_as_well():
     assert told_once(UNSURE, hidden).weights(0, SIZE, 500) is None
 
 
-def test_where_drops_are_known_to_stay_losses_need_not_tell_and_a_mask_is_at_most_one():
+def test_where_drops_are_known_to_stay_losses_need_not_tell():
     told = told_once(UNSURE, np.full(SIZE, 0.5, np.float32), stays=True)
     assert told.weights(0, SIZE, 500).max() <= 0.5
     assert told.report()["used"]
-    by_rounding = np.full(SIZE, np.nextafter(np.float32(1), np.float32(2)))
-    masks = told_once(known=by_rounding, stays=True)
+
+
+def test_a_mask_is_at_most_one_where_what_is_known_is_more_by_rounding():
+    masks = told_once(known=np.full(SIZE, np.nextafter(np.float32(1), np.float32(2))), stays=True)
     assert (masks.mask(0, SIZE).max(), masks.weights(0, SIZE, 500).min()) == (1, 0)
 
 

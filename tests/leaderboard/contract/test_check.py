@@ -163,8 +163,7 @@ def test_without_a_checkpoint_some_checks_cannot_be_made(case, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("toy", "basic"),
-    [("Unrecordable", "configurations"), ("HoldsAnObject", "configurations"), ("Crashes", "trains")],
+    ("toy", "basic"), [("Unrecordable", "configurations"), ("HoldsAnObject", "configurations"), ("Crashes", "trains")]
 )
 def test_nothing_is_checked_without_the_basics(only, toy, basic):
     only("found by its name", *BASIC, "masks respected", "summary")
@@ -239,19 +238,18 @@ def test_what_cannot_be_checked_is_refused(arguments, message):
 
 
 @dataclass(frozen=True)
-class Inner:
-    iterations: int = 500
-    rate: float = 0.1
-
-
-@dataclass(frozen=True)
 class Nested:
+    @dataclass(frozen=True)
+    class Inner:
+        iterations: int = 500
+        rate: float = 0.1
+
     inner: Inner = field(default_factory=Inner)
     name: str = "x"
 
 
 def test_settings_are_shortened_wherever_they_count_iterations():
-    assert Method.with_max_iterations(Nested(), 20) == Nested(Inner(20))
+    assert Method.with_max_iterations(Nested(), 20) == Nested(Nested.Inner(20))
     assert Method.with_max_iterations(Nested(), 1000) == Nested()
     assert Method.with_max_iterations(contract_toys.Config(), 7).iterations == 7
     assert Method.with_max_iterations(3, 20) == 3

@@ -97,9 +97,8 @@ def test_methods_have_a_row_each_in_order_of_their_means():
     assert shown["`theirs`"] == [f"**{drops:.2f}**, **{streaks:.2f}**", *shown["`theirs`"][1:2], "", "35"]
     drops, streaks = means["ours", "pond"][["raindrop-1", "streak-1"]]
     assert shown["`ours`"][2:] == [f"**{drops:.2f}**, **{streaks:.2f}**", "95"]
-    told = "PSNR in dB under raindrop-1, streak-1. Seconds: mean over runs, before, in and after training."
-    for words in (told, "Profile `demo` (longer side at most 320 pixels), seed 0."):
-        assert words in text
+    assert "PSNR in dB under raindrop-1, streak-1. Seconds: mean over runs, before, in and after training." in text
+    assert "Profile `demo` (longer side at most 320 pixels), seed 0." in text
     assert filled(text, table, views) == text
 
 
@@ -140,9 +139,8 @@ def test_means_are_over_the_scenes_that_all_of_them_have():
 def test_what_is_around_a_table_stays_and_a_second_time_changes_nothing():
     text = page("suites", "streak-1") + page("scenes", "raindrop-2")
     once = filled(text, *board())
-    assert once.startswith(
-        "# Title\n\nBefore.\n\n<!-- board: demo suites streak-1 -->\n\n| suite | rain | `3dgs-clean`, the"
-    )
+    start = "# Title\n\nBefore.\n\n<!-- board: demo suites streak-1 -->\n\n| suite | rain | `3dgs-clean`, the"
+    assert once.startswith(start)
     assert once.count("\n\nAfter.\n") == 2
     assert "raindrop, heavy" in once
     assert once.count("seed 0. The record of each run names its code.\n") == 2

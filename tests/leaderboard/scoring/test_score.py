@@ -27,16 +27,10 @@ def rendered(tmp_path, monkeypatch):
     return views, tmp_path / "renders"
 
 
-def scored(rendered):
-    """Rows of scores, and the reasons for those that are missing."""
-    views, renders = rendered
-    reasons = {}
-    return score_views(renders, views, reasons), reasons
-
-
 def test_scores_are_those_of_one_view_after_another(rendered):
     views, renders = rendered
-    rows, reasons = scored(rendered)
+    reasons = {}
+    rows = score_views(renders, views, reasons)
     assert [row["view"] for row in rows] == [view.name for view in views]
     assert not reasons
     for row, view in zip(rows, views, strict=True):
@@ -54,14 +48,15 @@ def test_a_metric_that_cannot_be_had_is_not_asked_for_every_view(rendered, monke
         raise InputError("no weights", fix="go online")
 
     monkeypatch.setattr(score, "find_metrics", lambda: (replace(metrics.METRICS[0], function=fails),))
-    rows, reasons = scored(rendered)
-    assert [row["psnr"] for row in rows] == [None] * 5
+    views, renders = rendered
+    reasons = {}
+    assert [row["psnr"] for row in score_views(renders, views, reasons)] == [None] * 5
     assert reasons == {"psnr": "no weights"}
     assert len(asked) <= threads.AT_ONCE
 
 
 def test_a_view_without_a_score_leaves_the_others_theirs(rendered, monkeypatch):
-    views, _ = rendered
+    views, renders = rendered
     hidden = {view.image().tobytes(): view.name for view in (views[1], views[3])}
 
     def of_some(image, target, ignored):
@@ -70,8 +65,8 @@ def test_a_view_without_a_score_leaves_the_others_theirs(rendered, monkeypatch):
         return 1.0
 
     monkeypatch.setattr(score, "find_metrics", lambda: (replace(metrics.METRICS[0], function=of_some),))
-    rows, reasons = scored(rendered)
-    assert [row["psnr"] for row in rows] == [1.0, None, 1.0, None, 1.0]
+    reasons = {}
+    assert [row["psnr"] for row in score_views(renders, views, reasons)] == [1.0, None, 1.0, None, 1.0]
     assert reasons == {"psnr": f"all of {views[1].name} is hidden"}
 
 

@@ -145,30 +145,28 @@ def row(results: Path, method: str) -> pd.Series:
     return table.loc[f"toy_methods:{method}"]
 
 
-@pytest.mark.usefixtures("scored_here", "trained_here")  # the command that is killed is as it is
-def test_killed_in_training_the_row_is_that_of_an_evaluation(request_of, tmp_path, evaluated_once):
-    """Nobody can tell the run to end, and the next sweep must not meet it at work."""
+@pytest.mark.parametrize(
+    ("kill", "number", "status"),
+    [
+        (os.kill, signal.SIGKILL, -signal.SIGKILL),  # the run goes on for a moment: the next sweep must not meet it
+        (os.killpg, signal.SIGTERM, 143),  # SIGINT goes the same way: see test_kills_and_disks.py
+    ],
+    ids=["killed", "interrupted"],
+)
+@pytest.mark.usefixtures("scored_here", "trained_here")  # the command that is ended is as it is
+def test_ended_in_training_the_row_is_that_of_an_evaluation(request_of, tmp_path, evaluated_once, kill, number, status):
     request = request_of("WaitsOnce")
     process = begun(request, tmp_path / WAITS_ONCE)
-    process.kill()
-    process.communicate(timeout=PATIENCE)
-    assert process.returncode == -signal.SIGKILL
+    kill(process.pid, number)
+    _, errors = process.communicate(timeout=PATIENCE)
+    assert process.returncode == status
+    assert "Traceback" not in errors
+    if kill is os.killpg:
+        with pytest.raises(ProcessLookupError):
+            os.killpg(process.pid, 0)
     assert sweep(request) == {}
     expected = row(evaluated_once[0] / "results", "MeanColour")
     pd.testing.assert_series_equal(row(tmp_path / "swept", "WaitsOnce"), expected, check_names=False)
-
-
-@pytest.mark.usefixtures("scored_here", "trained_here")  # SIGINT goes the same way: see test_interruption.py
-def test_an_interruption_ends_all_processes_and_the_same_command_goes_on(request_of, tmp_path):
-    request = request_of("WaitsOnce")
-    process = begun(request, tmp_path / WAITS_ONCE)
-    os.killpg(process.pid, signal.SIGTERM)
-    _, errors = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 143
-    assert "Traceback" not in errors
-    with pytest.raises(ProcessLookupError):
-        os.killpg(process.pid, 0)
-    assert sweep(request) == {}
 
 
 def test_a_slurm_script_whose_tasks_are_the_runs(request_of, tmp_path):
