@@ -1,4 +1,4 @@
-"""Every benchmark is a command; cases that a table has are kept."""
+"""Every benchmark is a command; cases that a table has are kept, and seconds are counted."""
 
 import importlib
 import subprocess
@@ -9,6 +9,7 @@ import pytest
 
 from benchmarks.__main__ import BENCHMARKS
 from benchmarks.tables import finished, report, rows_of
+from benchmarks.timing import counted, counted_seconds
 
 
 @pytest.mark.parametrize("name", BENCHMARKS)
@@ -42,3 +43,16 @@ def test_a_report_is_printed_and_written(tmp_path, capsys):
     report(table, tmp_path / "sums.csv", "sums")
     assert capsys.readouterr().out.splitlines()[-3:] == [" sum", " 3.5", "   7"]
     assert pd.read_csv(tmp_path / "sums.csv")["sum"].tolist() == [3.5, 7]
+
+
+def test_seconds_of_several_sessions_add_up(tmp_path):
+    total = tmp_path / "seconds.txt"
+    assert counted_seconds(total) == 0
+    with pytest.raises(KeyboardInterrupt), counted(total):
+        sum(range(2_000_000))
+        raise KeyboardInterrupt
+    once = counted_seconds(total)
+    assert once > 0
+    with counted(total):
+        sum(range(2_000_000))
+    assert counted_seconds(total) > once

@@ -85,8 +85,7 @@ def test_a_finished_training_is_not_begun_again_and_other_weights_are_refused(sc
 
 def test_what_is_hidden_stays_hidden_behind_a_lens_too(scene, weights, tmp_path):
     lens = Lens("SIMPLE_RADIAL", 48, 36, (43.2, 24.0, 18.0, 0.05))
-    pinhole = lens.pinhole()
-    views = [replace(v, camera=pinhole.camera(v.camera.world_to_camera), lens=lens) for v in scene.views]
+    views = [replace(v, camera=lens.pinhole().camera(v.camera.world_to_camera), lens=lens) for v in scene.views]
     seen = replace(scene, views=tuple(views))
     enhanced = enhanced_scene(seen, enhanced_views(seen, read_images(seen.train_views), str(weights), tmp_path))
     for before, after in zip(seen.train_views, enhanced.train_views, strict=True):
@@ -103,8 +102,7 @@ def test_it_is_found_by_name():
     assert registered["enhance"] == ON_ENHANCED
     wrapped = find_method(f"3dgs+{ON_ENHANCED}")
     assert wrapped is on_enhanced(GaussianSplatting)
-    assert wrapped.trains_on == "rainy"
-    assert on_enhanced(GaussianSplattingClean).trains_on == "clean"
+    assert (wrapped.trains_on, on_enhanced(GaussianSplattingClean).trains_on) == ("rainy", "clean")
     config = wrapped.configuration("demo")
     assert config == EnhancedConfig(GaussianSplatting.configuration("demo"), DEFAULT, sha256(find_weights(DEFAULT)))
     assert wrapped.with_max_iterations(config, 7).method.iterations == 7

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from disturbed import fitted
 from splats import photographed
 from trainings import CONFIG
 
@@ -110,12 +111,12 @@ def test_each_photograph_is_enhanced_by_one_thread(scene, images, weights, tmp_p
 
 
 def test_enhanced_photographs_hide_what_the_photographs_hide(scene, images, weights, tmp_path):
-    hidden, count = np.zeros(images.pixels(0).shape[:2], bool), len(images)
+    hidden = np.zeros(images.pixels(0).shape[:2], bool)
     hidden[:20] = True
-    masked = TrainingImages([images.pixels(index) for index in range(count)], [hidden] * count)
+    masked = TrainingImages([images.pixels(index) for index in range(len(images))], [hidden] * len(images))
     found = views_of(scene, masked, load_enhancer(weights), tmp_path).training_images()
-    assert len(found) == count
-    assert all(np.array_equal(found.ignored(index), hidden) for index in range(count))
+    assert len(found) == len(images)
+    assert all(np.array_equal(found.ignored(index), hidden) for index in range(len(images)))
     expected = np.clip(masked.pixels(1)[~hidden] / 255 - 0.1, 0, 1)
     assert np.abs(found.pixels(1)[~hidden] / 255 - expected).max() < 0.01
 
@@ -131,12 +132,11 @@ def test_methods_are_found_and_differ_in_their_switches():
     assert find_method("deraings") is DeRainGS
     assert find_method("deraings-plus") is DeRainGSPlus
     paper, plus, less = (kind.configuration("demo") for kind in (DeRainGS, DeRainGSPlus, WithoutAttention))
-    assert plus.rain == RainConfig()
+    assert (plus.rain, paper.rain) == (RainConfig(), None)
     assert plus.prior
+    assert paper.enhancement
     assert replace(plus, prior=None, weights_sha256=None) == RainModelOnly.configuration("demo")
     assert plus.weights_sha256 == sha256(find_weights("small")) == DeRainGS.configuration("standard").weights_sha256
-    assert paper.enhancement
-    assert paper.rain is None
     assert paper.splatting == plus.splatting == GaussianSplatting.configuration("demo")
     assert not less.masks.attention
     assert replace(less, masks=replace(less.masks, attention=True)) == paper
@@ -158,8 +158,6 @@ def test_what_is_hidden_is_the_union_of_rain_and_pixel_weights(scene, tmp_path):
         def objective(self, scene, folder):
             return Corner(read_images(scene.train_views), pixel_weights=Half())
 
-    method = Both(CONFIG, 0)
-    method.fit(scene, tmp_path)
-    hidden = method.hidden(0, (20, 30))
+    hidden = fitted(Both, CONFIG, scene, tmp_path).hidden(0, (20, 30))
     assert (hidden.dtype, hidden.shape) == (np.float32, (20, 30))
     assert np.array_equal(hidden, np.where(np.eye(20, 30) == 1, 1, 0.5))

@@ -33,11 +33,7 @@ def test_the_page_has_the_value_that_the_code_has(setting, value):
 
 def test_the_page_has_all_settings_that_say_what_rain_is():
     """Settings that are not listed say how rain is learned, or how much work that is."""
-    how = {
-        "mist": {"rate", "colour_rate"},
-        "drops": {"long_side", "every", "noise"},
-        "rainfall": {"brightness"},
-    }
+    how = {"mist": {"rate", "colour_rate"}, "drops": {"long_side", "every", "noise"}, "rainfall": {"brightness"}}
     for part, named in how.items():
         there = {setting.partition(".")[2] for setting, _ in listed() if setting.startswith(f"{part}.")}
         assert there.isdisjoint(named)

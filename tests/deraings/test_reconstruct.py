@@ -2,6 +2,7 @@
 
 import shutil
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -19,17 +20,7 @@ from deraings import reconstruct as module
 from deraings.enhancement.enhance import enhance
 from deraings.method import DeRainGSConfig, DeRainGSPlus
 from deraings.rain_model.config import RainConfig
-from deraings.reconstruct import (
-    FILM,
-    SHEET,
-    TRAINING,
-    Reconstruction,
-    find_scene,
-    reconstruct,
-    recorded_settings,
-    require_photographs,
-    show,
-)
+from deraings.reconstruct import FILM, SHEET, TRAINING, Reconstruction, find_scene, reconstruct, recorded_settings
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
 from hydroviews.files.locks import locked_if_free
@@ -38,6 +29,8 @@ from hydroviews.formats.writers import write_colmap
 from hydroviews.profiles import find_profile
 from hydroviews.scene.images import read_image, write_png
 from hydroviews.scene.scenes import Points, no_points
+
+BRIEF = FilmChoice(seconds=0.2, fps=10, size=32)
 
 
 class Short(DeRainGSPlus):
@@ -58,12 +51,8 @@ def capture(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def request_of(capture, tmp_path_factory):
-    def make(**changes):
-        film = FilmChoice(seconds=0.2, fps=10, size=32)
-        request = Reconstruction(capture, tmp_path_factory.getbasetemp() / "scene", "short", "demo", film=film)
-        return replace(request, **changes)
-
-    return make
+    request = Reconstruction(capture, tmp_path_factory.getbasetemp() / "scene", "short", "demo", film=BRIEF)
+    return partial(replace, request)
 
 
 @pytest.fixture(autouse=True)
@@ -94,7 +83,7 @@ def test_a_size_of_ones_own_comes_before_the_profiles(request_of, tmp_path, monk
 
 
 def visible(folder):
-    return {path.name for path in folder.iterdir() if not path.name.startswith(".")}
+    return {path.name for path in folder.glob("[!.]*")}
 
 
 def test_a_capture_becomes_a_scene_of_all_its_photographs(request_of, caplog):
@@ -116,7 +105,7 @@ def test_the_same_call_ends_with_the_same_scene(request_of):
     folder = reconstruct(request_of())
     before = (folder / TRAINING / SPLATS).read_bytes()
     (folder / FILM).unlink()
-    reconstruct(request_of(film=FilmChoice(seconds=0.3, fps=10, size=32)))
+    reconstruct(request_of(film=replace(BRIEF, seconds=0.3)))
     assert (folder / FILM).is_file()
     assert (folder / TRAINING / SPLATS).read_bytes() == before
     with pytest.raises(InputError, match="other settings"):
@@ -159,9 +148,9 @@ def test_rainy_photographs_without_cameras_become_a_scene(tmp_path, monkeypatch,
         write_png(tmp_path / "walk" / f"{name}.png", rained_on(image, i))
     config = DeRainGSConfig(replace(CONFIG, iterations=60), rain=RainConfig(), prior="small")
     monkeypatch.setattr(Short, "profiles", {"demo": config})
-    film = FilmChoice(seconds=0.2, fps=10, size=32)
+    request = Reconstruction(tmp_path / "walk", method="short", profile="demo", long_side=96, film=BRIEF)
     with caplog.at_level("INFO"):
-        folder = reconstruct(Reconstruction(tmp_path / "walk", method="short", profile="demo", long_side=96, film=film))
+        folder = reconstruct(request)
     assert folder == tmp_path / "walk-scene"
     assert visible(folder) == {"capture", "reconstruction.json", TRAINING, FILM, SHEET}
     told = capsys.readouterr().out + caplog.text
@@ -200,17 +189,16 @@ def test_methods_that_learn_from_clean_views_are_refused(request_of, monkeypatch
 
 @pytest.mark.parametrize("name", ["walk.mp4", "photos", "2024.05.01"])
 def test_the_scene_goes_beside_the_photographs(tmp_path, name):
-    if name == "2024.05.01":
-        (tmp_path / name).mkdir()
+    (tmp_path / "2024.05.01").mkdir()
     assert Reconstruction(tmp_path / name).folder == tmp_path / f"{name.removesuffix('.mp4')}-scene"
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"profile": "dmeo"}, {"long_side": 0}, {"long_side": 5}, {"rate": 0.0}, {"seed": -1}]
+    ("name", "value"), [("profile", "dmeo"), ("long_side", 0), ("long_side", 5), ("rate", 0.0), ("seed", -1)]
 )
-def test_settings_that_cannot_be_do_not_take_the_folder(request_of, tmp_path, wrong):
-    with pytest.raises(InputError, match=str(next(iter(wrong.values())))):
-        reconstruct(request_of(out=tmp_path / "scene", **wrong))
+def test_settings_that_cannot_be_do_not_take_the_folder(request_of, tmp_path, name, value):
+    with pytest.raises(InputError, match=str(value)):
+        reconstruct(request_of(out=tmp_path / "scene", **{name: value}))
     assert not (tmp_path / "scene").exists()
 
 
@@ -243,7 +231,7 @@ def test_photographs_that_were_moved_are_gone_on_with(request_of, capture, tmp_p
     films = []
     monkeypatch.setattr(module, "draw_film", lambda *given, overwrite: films.append((given[-1], overwrite)))
     monkeypatch.setattr(module, "compared", lambda *_: np.zeros((4, 4, 3), np.float32))
-    show(SimpleNamespace(summary=lambda: SimpleNamespace(used="")), read_scene(capture), now)
+    module.show(SimpleNamespace(summary=lambda: SimpleNamespace(used="")), read_scene(capture), now)
     del recorded["film"]
     assert films == [({"scene": recorded}, True)]  # frames of before are gone on with, those of another film dropped
 
@@ -270,10 +258,10 @@ def test_formats_that_are_not_read_are_named(request_of, tmp_path, caplog):
     for i in range(3):
         (tmp_path / f"{i}.HEIC").write_bytes(b"")
     with pytest.raises(InputError, match=r"found: 3 \.heic\n.*\.png, \.jpg"):
-        require_photographs(tmp_path)
+        module.require_photographs(tmp_path)
     write_png(tmp_path / "a.png", np.zeros((4, 4, 3), np.float32))
     with caplog.at_level("INFO"):
-        require_photographs(tmp_path)
+        module.require_photographs(tmp_path)
     assert "3 .heic left out" in caplog.text
     (tmp_path / "walk").mkdir()
     for name in "abc":

@@ -11,17 +11,14 @@ from hydroviews.blender.process import SYSTEM_PACKAGES
 from leaderboard import doctor
 from leaderboard.doctor import LATER, MISSING, OK, Finding
 
+ABSENT = "raise ModuleNotFoundError(\"No module named 'bpy'\", name='bpy')"
+
 
 @pytest.mark.parametrize(
     ("bpy", "state", "found", "fix"),
     [
         ("from types import SimpleNamespace\napp = SimpleNamespace(version_string='5.0.1')", OK, "bpy 5.0.1", ""),
-        (
-            "raise ModuleNotFoundError(\"No module named 'bpy'\", name='bpy')",
-            MISSING,
-            "`hydroviews reconstruct` works without it",
-            "pip install 'hydroviews[blender]'",
-        ),
+        (ABSENT, MISSING, "`hydroviews reconstruct` works without it", "pip install 'hydroviews[blender]'"),
         ("raise ImportError('libX11.so.6: cannot open')", MISSING, "libX11.so.6", f"apt-get install {SYSTEM_PACKAGES}"),
         ("import os\nos.abort()", MISSING, "exit status -6", ""),
     ],

@@ -16,16 +16,7 @@ from baselines.rendering.film import FilmChoice, write_film
 from hydroviews.__main__ import build_command, download_command, pack_command, sheet_command, video_command
 from hydroviews.errors import InputError
 from hydroviews.scene.images import write_png
-from leaderboard.__main__ import (
-    board_command,
-    check_command,
-    export_command,
-    film_command,
-    publish_command,
-    site_command,
-    sweep_command,
-    table_command,
-)
+from leaderboard import __main__ as board
 from leaderboard.contract import check as contract
 from leaderboard.runs.run import Run
 from leaderboard.sweep import sweep as sweeps
@@ -42,16 +33,16 @@ TRIED: dict[str, Callable[[Path], object]] = {
     "hydroviews pack": lambda f: pack_command(f / "data/demo", f / "packed", i_have_the_rights="CC0-1.0"),
     "hydroviews download": lambda f: download_command(str(f / "archives/yard-streak-0.zip"), out=f / "fetched"),
     "hydroviews video": lambda f: video_command(f / "walk.mp4", f / "walk", rate=2.0, frames_only=True),
-    "leaderboard sweep": lambda f: sweep_command(
+    "leaderboard sweep": lambda f: board.sweep_command(
         SweepRequest(methods=("3dgs",), results=f / "swept", slurm=f / "swept/jobs.sh")
     ),
-    "leaderboard check": lambda f: check_command("3dgs", json=f / "checked.json"),
-    "leaderboard table": lambda f: table_command(f / "scored"),
-    "leaderboard site": lambda f: site_command(f / "scored", f / "nowhere"),
-    "leaderboard publish": lambda f: publish_command(f / "scored", f / "board"),
-    "leaderboard board": lambda f: board_command(f / "published", f / "shown"),
-    "leaderboard film": lambda f: film_command(f / RUN, FilmChoice(0.2, 10, 16), f / "film.mp4", f / "data"),
-    "leaderboard export": lambda f: export_command(f / RUN, f / "splats.ply"),
+    "leaderboard check": lambda f: board.check_command("3dgs", json=f / "checked.json"),
+    "leaderboard table": lambda f: board.table_command(f / "scored"),
+    "leaderboard site": lambda f: board.site_command(f / "scored", f / "nowhere"),
+    "leaderboard publish": lambda f: board.publish_command(f / "scored", f / "board"),
+    "leaderboard board": lambda f: board.board_command(f / "published", f / "shown"),
+    "leaderboard film": lambda f: board.film_command(f / RUN, FilmChoice(0.2, 10, 16), f / "film.mp4", f / "data"),
+    "leaderboard export": lambda f: board.export_command(f / RUN, f / "splats.ply"),
 }
 
 # Commands that take long or share a function are tried in tests of their own, where the same is asked of them.
@@ -89,7 +80,7 @@ def made(tmp_path_factory):
     finished_run(folder)
     pack_command(folder / "data/demo", folder / "archives", i_have_the_rights="CC0-1.0")
     write_board(folder / "scored", ("3dgs", "3dgs-clean"), ("pond",), ("streak-1",), size=(16, 16))
-    publish_command(folder / "scored", folder / "published")
+    board.publish_command(folder / "scored", folder / "published")
     rng = np.random.default_rng(0)
     for index in range(8):
         write_png(folder / "frames" / f"{index:05d}.png", rng.integers(0, 256, (32, 48, 3)).astype(np.uint8))
@@ -101,9 +92,8 @@ def made(tmp_path_factory):
 def given(made, tmp_path, monkeypatch):
     """Makes a copy of that under a name."""
     monkeypatch.setattr(contract, "run_checks", lambda *_: [])
-    monkeypatch.setattr(
-        sweeps, "build_runs", lambda *_: [Run("3dgs", "demo", 0, Path(), "yard", "clean", tmp_path / "r")]
-    )
+    runs = [Run("3dgs", "demo", 0, Path(), "yard", "clean", tmp_path / "r")]
+    monkeypatch.setattr(sweeps, "build_runs", lambda *_: runs)
     return lambda name: Path(shutil.copytree(made, tmp_path / name, symlinks=True))
 
 
@@ -117,8 +107,7 @@ def test_nothing_of_the_users_is_lost(command, given):
     TRIED[command](before)  # what it wrote itself is no obstacle
     assert not [name for name in files(before) if name.endswith(".kept")]
 
-    folder = given("mine")
-    mine = {}
+    folder, mine = given("mine"), {}
     for name in sorted(written):
         for path in (folder / name, (folder / name).with_name("notes.txt")):
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -126,8 +115,8 @@ def test_nothing_of_the_users_is_lost(command, given):
             mine[str(path.relative_to(folder))] = path.read_bytes()
     with suppress(InputError):
         TRIED[command](folder)
-    lost = {name for name, content in mine.items() if content not in files(folder).values()}
-    assert lost == set()
+    left = set(files(folder).values())
+    assert {name for name, content in mine.items() if content not in left} == set()
 
 
 def registered(monkeypatch, program: str) -> set[str]:

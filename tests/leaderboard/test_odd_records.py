@@ -37,8 +37,7 @@ def row(results: Path) -> pd.Series:
 def test_a_run_that_is_removed_while_tables_are_written_is_left_out_of_the_views(results, caplog):
     table = collect(results)
     shutil.rmtree(results / RUN)  # as another process may, once its record has been read
-    views = collect_views(table, results)
-    assert set(views.method) == {"toy_methods:MeanColourClean"}
+    assert set(collect_views(table, results).method) == {"toy_methods:MeanColourClean"}
     assert f"{RUN}: its views are not counted" in caplog.text
 
 
@@ -135,13 +134,14 @@ def again(request_of):
     return lambda: evaluate(request_of())[-1]
 
 
-@pytest.mark.parametrize("content", ['{"psnr"', '{"psnr": 99}', None])
+def spoil(path: Path, content: str | dict) -> None:
+    """Write something else into a file, or edit some of its values."""
+    path.write_text(content) if isinstance(content, str) else edit(path, **content)
+
+
+@pytest.mark.parametrize("content", ['{"psnr"', '{"psnr": 99}', {"psnr": 99}])
 def test_evaluated_again_an_odd_record_is_scored_anew(results, again, evaluated, caplog, content):
-    record = results / RUN / "record.json"
-    if content is None:
-        edit(record, psnr=99)
-    else:
-        record.write_text(content)
+    spoil(results / RUN / "record.json", content)
     assert again() == evaluated
     assert "not kept" in caplog.text
     assert list(collect(results).status) == ["done", "done"]
@@ -161,10 +161,7 @@ def test_evaluated_again_an_odd_record_is_scored_anew(results, again, evaluated,
 def test_evaluated_again_an_odd_prediction_is_a_failed_row(results, again, content, reason):
     run = results / RUN
     (run / "record.json").unlink()
-    if isinstance(content, str):
-        (run / "prediction.json").write_text(content)
-    else:
-        edit(run / "prediction.json", **content)
+    spoil(run / "prediction.json", content)
     record = again()
     assert record.status == "failed"
     assert reason in record.reason

@@ -1,24 +1,33 @@
-"""Records: their schema and that of before, when they are partial, and what they know of sessions and renders."""
+"""Records: their schema and that of before, when they are partial, what they know of sessions, renders and memory."""
 
 import json
+import subprocess
+import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
+import finished_runs
 import numpy as np
 import pandas as pd
 import pytest
+import torch
 from finished_runs import finished_run
 
+from baselines.method import TrainingSummary
+from baselines.splatting.kernels.simd import SIMD
 from baselines.training import loop
 from hydroviews import metrics
 from hydroviews.errors import InputError
+from hydroviews.files.atomic import read_json
 from hydroviews.scene.images import read_image, write_png
 from leaderboard import gather
 from leaderboard.evaluate import evaluate
 from leaderboard.gather import write_leaderboard
-from leaderboard.records import SCHEMA, read_record, write_record
+from leaderboard.records import SCHEMA, columns, read_record, write_record
 from leaderboard.runs import sessions
+from leaderboard.runs import train_and_render as predict
+from leaderboard.runs.own_files import PREDICTION
 from leaderboard.runs.train_and_render import train_and_render
 from leaderboard.scoring import score
 
@@ -136,3 +145,38 @@ def test_of_two_evaluations_that_end_together_no_row_is_lost(evaluated, tmp_path
         write_leaderboard(results)
         others[0].result()
     assert list(pd.read_csv(results / "leaderboard.csv").pattern) == ["clean", "streak-0", "streak-1"]
+
+
+def peak(before: str) -> float:
+    """The peak memory of a process that does something before."""
+    code = f"{before}; from leaderboard.runs.train_and_render import peak_memory_mb; print(peak_memory_mb())"
+    return float(subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout)
+
+
+def test_memory_is_the_processs_own():
+    ballast = np.ones(300_000_000, np.uint8)  # of a parent that is larger than its child
+    found = peak("pass")
+    assert ballast[0] == 1
+    assert 450 < peak("import numpy; ballast = numpy.ones(500_000_000, numpy.uint8)") - found < 550
+
+
+def test_a_record_tells_the_gpus_memory_and_where_was_rendered(tmp_path, monkeypatch):
+    run = finished_run(tmp_path)
+    on_the_cpu = read_json(run.folder / PREDICTION)
+    assert on_the_cpu["peak_gpu_mem_mb"] is None
+    assert on_the_cpu["device"] == on_the_cpu["render_device"] == "cpu"
+    assert on_the_cpu["simd"] == SIMD
+
+    monkeypatch.setattr(torch.cuda, "max_memory_allocated", lambda: 3_250_000_000)
+    told, profiles = TrainingSummary(0.1, None, None, device="a card"), []
+    monkeypatch.setattr(predict, "warn_of_slow_profile", profiles.append)
+    for summary, rendered in ((told, "a card"), (replace(told, render_device="cpu"), "cpu")):
+        monkeypatch.setattr(finished_runs.Cloud, "summary", lambda _, summary=summary: summary)
+        train_and_render(run)
+        prediction = read_json(run.folder / PREDICTION)
+        assert (prediction["device"], prediction["render_device"]) == ("a card", rendered)
+    record = score.score(run)
+    assert (record.device, record.render_device, record.simd) == ("a card", "cpu", SIMD)
+    assert record.peak_gpu_mem_mb == 3250 > record.peak_mem_mb
+    assert profiles == ["demo", "demo"]
+    assert {"peak_gpu_mem_mb", "render_device"} < set(columns())

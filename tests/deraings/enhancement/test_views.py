@@ -1,4 +1,4 @@
-"""Predictions for each photograph are kept on disk; between drops that stay, pictures show the photographs."""
+"""Predictions for each photograph are kept on disk; between drops, pictures show the photographs."""
 
 from dataclasses import replace
 

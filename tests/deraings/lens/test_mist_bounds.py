@@ -18,12 +18,11 @@ def pictures_behind(most, count=COUNT):
 
 def behind_beads(pictures):
     """Photographs behind dark and bright drops of two pixels, each as it is in all views, on a ninth of the lens."""
-    wet = [picture.copy() for picture in pictures]
-    for picture in wet:
-        for shade, start in ((5, 2), (255, 5)):
-            for down, across in ((0, 0), (0, 1), (1, 0), (1, 1)):
-                picture[start + down :: 8, start + across :: 8] = shade
-    return wet
+    wet = np.array(pictures)
+    for shade, start in ((5, 2), (255, 5)):
+        for down, across in ((0, 0), (0, 1), (1, 0), (1, 1)):
+            wet[:, start + down :: 8, start + across :: 8] = shade
+    return list(wet)
 
 
 def test_mist_is_never_lighter_than_the_dark_things_behind_it():
@@ -37,11 +36,9 @@ def test_mist_is_never_lighter_than_the_dark_things_behind_it():
 
 
 def test_mist_is_expected_to_be_as_light_as_the_brightest_that_is_not_hidden():
-    pictures = [np.full((16, 32, 3), 100, np.uint8) for _ in range(3)]
-    for picture in pictures:
-        picture[:, 16:] = 255
     hidden = np.zeros((16, 32), bool)
     hidden[:, 16:] = True
+    pictures = [np.where(hidden[..., None], np.uint8([255] * 3), np.uint8([100] * 3))] * 3
     assert mist_light(pictures) == pytest.approx([1, 1, 1])
     assert mist_light(pictures, [hidden] * 3) == pytest.approx(((100 / 255 + 0.055) / 1.055) ** 2.4, rel=1e-4)
 
@@ -70,14 +67,12 @@ def test_places_that_all_photographs_hide_say_nothing_of_mist(most):
     black = [np.where(hidden[..., None], np.uint8(0), picture) for picture in pictures]
     whole, part = mist_bounds(pictures), mist_bounds(black, [hidden] * COUNT)
     assert part.colour == pytest.approx(whole.colour, abs=0.1)
-    below = part.max_alpha[0, -1]
-    assert below == pytest.approx(whole.max_alpha[0, -1], abs=0.1)
+    assert part.max_alpha[0, -1] == pytest.approx(whole.max_alpha[0, -1], abs=0.1)
     assert np.isfinite(part.possible).all()
 
 
 def test_photographs_that_hide_everything_may_have_any_mist_that_is_even():
-    pictures, hidden = np.zeros((8, 30, 40, 3), np.uint8), np.ones((30, 40), bool)
-    bounds = mist_bounds(list(pictures), [hidden] * 8)
+    bounds = mist_bounds(list(np.zeros((8, 30, 40, 3), np.uint8)), [np.ones((30, 40), bool)] * 8)
     assert not bounds.possible.any()
     assert (bounds.max_alpha == 1).all()
     assert np.isfinite(bounds.colour).all()

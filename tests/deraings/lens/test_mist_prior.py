@@ -8,16 +8,9 @@ import pytest
 from pale_points import AIR, TYPICAL_DEPTH, VIEWS, alpha_at, pale_points
 
 from baselines.training.images import TrainingImages
+from deraings.lens import mist_prior as prior_module
 from deraings.lens.mist_bounds import MistBounds, mist_bounds, mist_light
-from deraings.lens.mist_prior import (
-    LEAST,
-    NETWORK_LEAST,
-    NETWORK_SHARE,
-    NetworkMist,
-    mist_exists,
-    mist_prior,
-    weighed_mean,
-)
+from deraings.lens.mist_prior import NetworkMist, mist_exists, mist_prior, weighed_mean
 from deraings.lens.paleness import MIN_VIEWS, MistEvidence, fit_paleness, mist_evidence, paleness_of
 
 ROWS = np.stack(np.meshgrid(np.linspace(0, 1, 6), np.linspace(0, 1, 5)), axis=2)
@@ -30,8 +23,7 @@ def bounds_of(even=0.05, times=2):
     return MistBounds(VIEWS, AIR, possible + np.float32(even), possible, [None] * VIEWS)
 
 
-def no_network(_):
-    return None
+def no_network(_): ...
 
 
 def prior_of(bounds, network, points=None):
@@ -57,7 +49,7 @@ def test_with_nothing_but_the_bound_any_mist_up_to_it_is_as_likely():
     for points in (None, pale_points(points=10)):  # too few say nothing
         prior = prior_of(bounds, no_network, points)
         assert prior.mean == pytest.approx(bounds.possible / 2)
-        assert prior.deviation == pytest.approx(np.maximum(bounds.possible / np.sqrt(12), LEAST), rel=1e-4)
+        assert prior.deviation == pytest.approx(np.maximum(bounds.possible / np.sqrt(12), prior_module.LEAST), rel=1e-4)
         assert prior.evidence.paleness is None
 
 
@@ -72,24 +64,19 @@ def test_a_network_that_is_sure_is_followed(alpha):
 def test_the_error_of_a_network_is_that_over_photographs_and_what_photographs_share():
     possible = bounds_of().possible[:, 2]
     mean = 0.5 * possible
-    own = np.sqrt(0.02**2 + (NETWORK_SHARE * mean) ** 2 + NETWORK_LEAST**2)
+    own = np.sqrt(0.02**2 + (prior_module.NETWORK_SHARE * mean) ** 2 + prior_module.NETWORK_LEAST**2)
     expected = weighed_mean([(mean, possible / np.sqrt(12)), (mean, own)])[1]
     assert prior_of(bounds_of(), sees(0.5, 0.02)).deviation[:, 2] == pytest.approx(expected, rel=0.02)
 
 
 def test_what_a_network_predicts_at_one_time_is_expected_then_and_nothing_for_a_time_does_not_count():
-    def late(view):
-        return sees(0.0)(view) if view >= VIEWS // 2 else None
-
-    def some(view):
-        return sees(0.0)(view) if view % 5 == 0 else None
-
-    def drying(view):
-        return sees(1.0 if view < VIEWS // 2 else 0.0)(view)
-
-    assert np.array_equal(prior_of(bounds_of(), late).mean, prior_of(bounds_of(), no_network).mean)
-    assert np.array_equal(prior_of(bounds_of(), some).mean, prior_of(bounds_of(), sees(0.0)).mean)
-    first, last = prior_of(bounds_of(), drying).mean.mean(axis=(1, 2))
+    half, blind = VIEWS // 2, prior_of(bounds_of(), no_network).mean
+    late = prior_of(bounds_of(), lambda view: sees(0.0)(view) if view >= half else None).mean
+    some = prior_of(bounds_of(), lambda view: sees(0.0)(view) if view % 5 == 0 else None).mean
+    drying = prior_of(bounds_of(), lambda view: sees(1.0 if view < half else 0.0)(view)).mean
+    assert np.array_equal(late, blind)
+    assert np.array_equal(some, prior_of(bounds_of(), sees(0.0)).mean)
+    first, last = drying.mean(axis=(1, 2))
     assert first > 3 * last
 
 
@@ -105,16 +92,14 @@ def test_points_alone_pull_from_the_middle_toward_what_they_show():
     prior = prior_of(bounds, no_network, pale_points(1.0))
     assert prior.evidence.paleness.mist == pytest.approx(1.25, abs=0.15)
     share = prior.mean[:, :-1] / bounds.possible[:, :-1]
-    assert (share > 0.55).all()
-    assert (share < prior.evidence.paleness.mist).all()
+    assert ((share > 0.55) & (share < prior.evidence.paleness.mist)).all()
     assert (prior.deviation <= prior_of(bounds, no_network).deviation).all()
 
 
 def test_fog_widens_and_never_lowers_below_no_mist():
     """In fog points grow pale at all depths: what they show of mist counts for less."""
     clear, foggy = (prior_of(bounds_of(), no_network, pale_points(0.0, fog)) for fog in (0.0, 1.0))
-    somewhere = bounds_of().possible > 0
-    assert (foggy.deviation > 1.05 * clear.deviation)[somewhere].all()
+    assert (foggy.deviation > 1.05 * clear.deviation)[bounds_of().possible > 0].all()
     for prior in (clear, foggy):
         assert (prior.mean >= 0).all()
         assert prior.evidence.paleness is not None
@@ -167,10 +152,8 @@ def test_mist_is_told_from_fog(mist, fog, upright, drops):
 
 
 def test_the_standard_error_falls_with_the_root_of_the_number_of_points_and_grows_with_noise():
-    few, many, noisy = (
-        fitted(pale_points(points=points, noise=noise)).mist_error
-        for points, noise in ((100, 0.02), (1600, 0.02), (100, 0.06))
-    )
+    given = ((100, 0.02), (1600, 0.02), (100, 0.06))
+    few, many, noisy = (fitted(pale_points(points=n, noise=noise)).mist_error for n, noise in given)
     assert few / many == pytest.approx(4, rel=0.3)
     assert 2 < noisy / few < 4
 

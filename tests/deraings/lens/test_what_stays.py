@@ -14,6 +14,10 @@ SIZE = (panorama.HEIGHT, panorama.WIDTH)
 PLACE = (slice(18, 30), slice(25, 37))
 
 
+def views_of(count):
+    return panorama.views_of(panorama.paint(), count)
+
+
 def measured(views, knots=1, hidden=None):
     return fixed_pattern([to_uint8(view) for view in views], hidden or [None] * len(views), SIZE, knots)
 
@@ -32,20 +36,20 @@ def masked(rows, columns=slice(None)):
 
 @pytest.mark.parametrize("count", [8, 30, 120])
 def test_a_clear_lens_shows_what_chance_leaves(count):
-    shown = measured(panorama.views_of(panorama.paint(), count))
+    shown = measured(views_of(count))
     assert 1 < np.median(shown) < 1.6  # of the largest around each place
     assert np.quantile(shown, 0.95) < 2.2
 
 
 def test_what_stays_on_the_lens_shows_the_more_the_more_views_there_are():
-    shown = [measured(behind_pattern(panorama.views_of(panorama.paint(), count)))[0] for count in (8, 30, 120)]
+    shown = [measured(behind_pattern(views_of(count)))[0] for count in (8, 30, 120)]
     excesses = [each[PLACE].min() / np.median(each) for each in shown]
     assert excesses[0] > 1.5
     assert excesses == sorted(excesses)
 
 
 def test_what_came_late_stays_from_then_on():
-    views = panorama.views_of(panorama.paint(), 36)
+    views = views_of(36)
     behind_pattern(views[18:])
     early, _, late = measured(views, knots=3)
     assert np.median(early[PLACE]) < 1.6
@@ -53,30 +57,27 @@ def test_what_came_late_stays_from_then_on():
 
 
 def test_cameras_that_do_not_move_show_no_place_that_stays():
-    still = np.repeat(panorama.views_of(panorama.paint(), 1), 12, axis=0)
+    still = np.repeat(views_of(1), 12, axis=0)
     assert np.median(measured(still)) < 1.3
 
 
 def test_nothing_is_said_of_what_is_always_hidden_nor_of_grey_pictures():
-    views = panorama.views_of(panorama.paint(), 12)
+    views = views_of(12)
     views[(slice(None), *PLACE)] = 0.5
     shown = measured(views, hidden=[masked(*PLACE)] * 12)[0]
     assert not shown[20:28, 27:35].any()
-    grey = measured(np.full((12, *SIZE, 3), 128 / 255, np.float32))
-    assert np.isfinite(grey).all()
-    assert grey.max() < 1.2
+    assert (np.abs(measured(np.full((12, *SIZE, 3), 128 / 255, np.float32))) < 1.2).all()
 
 
 def test_a_place_that_few_views_show_says_no_more_than_its_share():
     """Few gradients leave more of their mean by chance."""
     hidden = [masked(*PLACE) if i % 13 else None for i in range(40)]
-    shown = measured(panorama.views_of(panorama.paint(), 40), hidden=hidden)[0]
-    assert 0 < shown[PLACE].max() < 2.2
+    assert 0 < measured(views_of(40), hidden=hidden)[0][PLACE].max() < 2.2
 
 
 def test_the_edge_of_a_mask_is_no_detail():
     """Hidden pixels are black in all views: their edge would be a slope that stays."""
-    views, hidden = panorama.views_of(panorama.paint(), 40), masked(slice(-12, None))
+    views, hidden = views_of(40), masked(slice(-12, None))
     views[:, hidden] = 0
     shown = measured(views, hidden=[hidden] * 40)[0]
     assert shown[~hidden].max() < 2.5

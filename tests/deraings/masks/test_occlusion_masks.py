@@ -16,7 +16,7 @@ from deraings.masks.occlusion_masks import LEAST_TYPICAL, OcclusionMasks
 from hydroviews.metrics.ssim import ssim_map
 from hydroviews.scene.images import to_uint8
 
-HEIGHT, WIDTH = 46, 70  # no multiples of what the network works at
+SIZE = HEIGHT, WIDTH = 46, 70  # no multiples of what the network works at
 ALWAYS = MaskConfig(start=1e-9, every=1, rate=1e-2, min_evidence=0)
 PAPER = replace(ALWAYS, regularisation=1.0, penalty=0.0)
 
@@ -74,7 +74,7 @@ def test_the_network_ends_near_the_closed_form_at_any_level_of_loss(config, scal
     """Drops lie in the same place in all views, so that all that the network finds is masked."""
     pictures, drops = drop_pictures(0, fixed=True)
     masks = taught(pictures, scale * losses(drops), config)
-    found = np.stack([masks.mask(k, (HEIGHT, WIDTH)) for k in range(len(pictures))])
+    found = np.stack([masks.mask(k, SIZE) for k in range(len(pictures))])
     assert masks.typical == pytest.approx(0.05 * scale, rel=0.1)
     excess = np.where(drops, 0.2, 0.05) * scale - config.penalty * masks.typical
     expected = np.clip(excess / (2 * config.regularisation * masks.typical), 0, 1)
@@ -88,7 +88,7 @@ def test_no_more_is_hidden_than_stays_on_the_lens(fixed, least, most):
     """Of four views each has a drop of its own where they are not fixed: a quarter of them shows it in its place."""
     pictures, drops = drop_pictures(0, fixed=fixed)
     masks = taught(pictures, losses(drops))
-    found = np.stack([1 - masks.weights(k, (HEIGHT, WIDTH), 500) for k in range(len(pictures))])
+    found = np.stack([1 - masks.weights(k, SIZE, 500) for k in range(len(pictures))])
     assert least < found[drops].mean() < most
     assert found[~drops].mean() < 0.1
     assert masks.report()["mask_mean"] == pytest.approx(found.mean(), abs=0.02)
@@ -97,25 +97,25 @@ def test_no_more_is_hidden_than_stays_on_the_lens(fixed, least, most):
 def test_the_network_learns_the_same_on_a_gpu(pretended_gpu):
     here, there = (taught(PICTURES, losses(DROPS), lessons=12, device=device) for device in ("cpu", "cuda"))
     assert pretended_gpu.counts["uploads"] >= 12 * 3  # picture, losses and what other views lose, in every lesson
-    assert there.mask(0, (HEIGHT, WIDTH)) == pytest.approx(here.mask(0, (HEIGHT, WIDTH)), abs=2 / 255)
+    assert there.mask(0, SIZE) == pytest.approx(here.mask(0, SIZE), abs=2 / 255)
     again = untaught(seed=1, device="cuda")
     again.load_state_dict(there.state_dict())
     for masks in (there, again):
         masks.learn(0, losses(DROPS)[0], 12)
-    assert np.array_equal(again.mask(0, (HEIGHT, WIDTH)), there.mask(0, (HEIGHT, WIDTH)))
+    assert np.array_equal(again.mask(0, SIZE), there.mask(0, SIZE))
 
 
 def test_pictures_never_seen_are_masked_alike():
     pictures, drops = drop_pictures(0, count=8)
     unseen, hidden = drop_pictures(9)
     masks = taught(np.concatenate([pictures, unseen]), losses(drops), lessons=80, views=8)
-    found = np.stack([masks.mask(8 + k, (HEIGHT, WIDTH)) for k in range(4)])
+    found = np.stack([masks.mask(8 + k, SIZE) for k in range(4)])
     assert found[hidden].mean() > found[~hidden].mean() + 0.25
 
 
 def test_drops_that_cannot_be_seen_are_found_by_their_place_on_the_lens():
     pictures, drops = drop_pictures(0, fixed=True)
-    found = taught(pictures, losses(drops), lessons=48, views=3).mask(3, (HEIGHT, WIDTH))
+    found = taught(pictures, losses(drops), lessons=48, views=3).mask(3, SIZE)
     assert found[drops[3]].mean() > found[~drops[3]].mean() + 0.25
 
 
@@ -135,9 +135,9 @@ def test_masks_are_used_only_where_something_is_on_the_lens(fixed):
     config = replace(ALWAYS, min_evidence=0.1)
     masks = taught(pictures, losses(drops), config, lessons=8)
     assert masks.due(9)
-    weights = masks.weights(0, (HEIGHT, WIDTH), 9)
+    weights = masks.weights(0, SIZE, 9)
     assert (weights is not None) == masks.due(10) == masks.report()["used"] == fixed
-    assert masks.mask(0, (HEIGHT, WIDTH)).any() == fixed
+    assert masks.mask(0, SIZE).any() == fixed
     again = untaught(pictures, config)
     again.load_state_dict(masks.state_dict())
     assert again.report() == masks.report()
@@ -146,7 +146,7 @@ def test_masks_are_used_only_where_something_is_on_the_lens(fixed):
 def test_a_scene_that_is_fitted_is_hardly_masked():
     masks = taught(PICTURES, 1e-2 * losses(DROPS), lessons=40)
     assert masks.typical == LEAST_TYPICAL
-    assert masks.mask(0, (HEIGHT, WIDTH)).max() < 0.15
+    assert masks.mask(0, SIZE).max() < 0.15
 
 
 def test_nothing_is_masked_before_the_start_and_nothing_learnt_before_the_lessons():
@@ -157,17 +157,14 @@ def test_nothing_is_masked_before_the_start_and_nothing_learnt_before_the_lesson
     assert [i for i in range(290, 310) if masks.due(i)] == [300, 304, 308]
     masks.learn(0, losses(DROPS)[0], 300)
     assert masks.state_dict()["level"][1] == 1
-    assert masks.weights(0, (HEIGHT, WIDTH), 499) is None
-    weights = masks.weights(0, (HEIGHT, WIDTH), 500)
-    assert weights is not None
-    assert np.array_equal(weights, 1 - masks.mask(0, (HEIGHT, WIDTH)))
+    assert masks.weights(0, SIZE, 499) is None
+    assert np.array_equal(masks.weights(0, SIZE, 500), 1 - masks.mask(0, SIZE))
 
 
 @pytest.mark.parametrize("shape", [(46, 70), (1, 1), (5, 7), (33, 31), (129, 3)])
 def test_pictures_of_any_sizes_learn_together(shape):
     rng, sizes = np.random.default_rng(0), [shape, shape[::-1], (24, 36)]
-    pictures = [rng.integers(0, 256, (*size, 3)).astype(np.uint8) for size in sizes]
-    masks = OcclusionMasks(TrainingImages(pictures), 10, 0, ALWAYS)
+    masks = untaught([rng.integers(0, 256, (*size, 3)).astype(np.uint8) for size in sizes])
     for i, size in enumerate([*sizes, *sizes]):
         masks.learn(i % 3, rng.random(size, np.float32), i)
     for view, (height, width) in enumerate(sizes):
@@ -182,10 +179,10 @@ def test_a_loss_that_says_nothing_teaches_nothing_and_broken_pixels_do_not_spoil
     broken[:, 5, 6:9], broken[:, 7, 7] = np.nan, np.inf
     masks = taught(PICTURES, broken, lessons=3)
     before = masks.state_dict()
-    assert np.isfinite(masks.mask(0, (HEIGHT, WIDTH))).all()
+    assert np.isfinite(masks.mask(0, SIZE)).all()
     assert all(np.isfinite(value).all() for value in before.values())
     for value in (0.0, np.nan):
-        masks.learn(0, np.full((HEIGHT, WIDTH), value, np.float32), 9)
+        masks.learn(0, np.full(SIZE, value, np.float32), 9)
         assert all(array.tobytes() == before[name].tobytes() for name, array in masks.state_dict().items())
 
 
@@ -203,6 +200,9 @@ def test_seeds_and_other_peoples_random_numbers_and_threads():
     assert any(value.tobytes() != other[name].tobytes() for name, value in one.items())
 
 
+UNSURE = replace(ALWAYS, min_evidence=1.1)
+
+
 def told_once(config=ALWAYS, known=None, wet=False):
     """Masks after one lesson, to which it is told of each view what hides it."""
     masks = untaught(config=config, known=None if known is None else lambda view: known, wet=wet)
@@ -210,56 +210,50 @@ def told_once(config=ALWAYS, known=None, wet=False):
     return masks
 
 
-UNSURE = replace(ALWAYS, min_evidence=1.1)
-
-
 def test_what_is_known_to_be_hidden_is_hidden_as_well():
-    hidden = np.zeros((HEIGHT, WIDTH), np.float32)
+    hidden = np.zeros(SIZE, np.float32)
     hidden[30:40, 50:60] = 0.5
-    before, after = (1 - told_once(known=known).weights(0, (HEIGHT, WIDTH), 500) for known in (None, hidden))
+    before, after = (1 - told_once(known=known).weights(0, SIZE, 500) for known in (None, hidden))
     np.testing.assert_allclose(after[32:38, 52:58], 0.5 + 0.5 * before[32:38, 52:58], atol=1e-3)
     np.testing.assert_array_equal(after[12:20, 12:20], before[12:20, 12:20])
-    assert told_once(UNSURE, hidden).weights(0, (HEIGHT, WIDTH), 500) is None
+    assert told_once(UNSURE, hidden).weights(0, SIZE, 500) is None
 
 
 def test_where_drops_are_known_to_stay_losses_need_not_tell():
-    told = told_once(UNSURE, np.full((HEIGHT, WIDTH), 0.5, np.float32), wet=True)
-    assert told.weights(0, (HEIGHT, WIDTH), 500).max() <= 0.5
+    told = told_once(UNSURE, np.full(SIZE, 0.5, np.float32), wet=True)
+    assert told.weights(0, SIZE, 500).max() <= 0.5
     assert told.report()["used"]
 
 
 def test_a_mask_is_at_most_one_where_what_is_known_is_more_by_rounding():
-    masks = told_once(known=np.full((HEIGHT, WIDTH), np.nextafter(np.float32(1), np.float32(2))), wet=True)
-    assert masks.mask(0, (HEIGHT, WIDTH)).max() == 1
-    assert masks.weights(0, (HEIGHT, WIDTH), 500).min() == 0
+    masks = told_once(known=np.full(SIZE, np.nextafter(np.float32(1), np.float32(2))), wet=True)
+    assert (masks.mask(0, SIZE).max(), masks.weights(0, SIZE, 500).min()) == (1, 0)
 
 
 def test_the_typical_loss_is_of_pixels_that_are_shown():
     """Hidden ones have none, and may be most of a photograph."""
-    masks, loss = untaught(), np.zeros((HEIGHT, WIDTH), np.float32)
+    masks, loss = untaught(), np.zeros(SIZE, np.float32)
     loss[:, :20] = 0.1
     masks.learn(0, loss, 0)
     assert masks.typical == pytest.approx(0.1)
 
 
-def pictures(seed=0, height=23, width=31):
-    rng = np.random.default_rng(seed)
-    target = np.round(255 * rng.random((height, width, 3), np.float32)) / np.float32(255)
+def pictures():
+    rng = np.random.default_rng(0)
+    target = np.round(255 * rng.random((23, 31, 3), np.float32)) / np.float32(255)
     return np.clip(target + rng.normal(0, 0.1, target.shape), 0, 1).astype(np.float32), target
 
 
-def target_of(picture, ignored=None):
-    return prepare_target(to_uint8(picture), ignored)
+def loss_of(picture, target, ignored=None):
+    return loss_map(picture, prepare_target(to_uint8(target), ignored)).copy()
 
 
 def test_the_map_is_l1_and_ssim_of_each_pixel():
     image, target = pictures()
-    a, b = (
-        torch.from_numpy(np.pad(x, ((5, 5), (5, 5), (0, 0)))).double().permute(2, 0, 1)[None] for x in (image, target)
-    )
-    similarity = ssim_map(a, b)[0].mean(dim=0).numpy()
-    expected = 0.8 * np.abs(image - target).mean(axis=2) + 0.2 * (1 - similarity)
-    assert np.abs(loss_map(image, target_of(target)) - expected).max() < 1e-4
+    padded = (np.pad(x, ((5, 5), (5, 5), (0, 0))) for x in (image, target))
+    similarity = ssim_map(*(torch.from_numpy(x).double().permute(2, 0, 1)[None] for x in padded))[0]
+    expected = 0.8 * np.abs(image - target).mean(axis=2) + 0.2 * (1 - similarity.mean(dim=0).numpy())
+    assert np.abs(loss_of(image, target) - expected).max() < 1e-4
 
 
 def test_hidden_pixels_have_no_loss_and_leave_no_trace():
@@ -267,20 +261,18 @@ def test_hidden_pixels_have_no_loss_and_leave_no_trace():
     ignored = np.zeros(image.shape[:2], bool)
     ignored[4:15, 6:20] = True
     spoilt = np.where(ignored[..., None], np.float32(np.nan), image)
-    found = loss_map(image, target_of(target, ignored)).copy()
+    found = loss_of(image, target, ignored)
     assert (found[ignored] == 0).all()
-    assert np.array_equal(found, loss_map(spoilt, target_of(target, ignored)))
+    assert np.array_equal(found, loss_of(spoilt, target, ignored))
 
 
 @pytest.mark.parametrize("shape", [(16, 20), (15, 21), (1, 7), (9, 1)])
 @pytest.mark.parametrize("cutoff", [0.0, 0.125, 0.3])
 def test_spectral_pooling_is_the_rms_of_the_high_passed_map(shape, cutoff):
     features = torch.randn(2, 3, *shape, generator=torch.Generator().manual_seed(0))
-    spectrum = torch.fft.rfft2(features) * high_pass(*shape, cutoff)
-    passed = torch.fft.irfft2(spectrum, s=shape)
+    passed = torch.fft.irfft2(torch.fft.rfft2(features) * high_pass(*shape, cutoff), s=shape)
     assert passed.mean(dim=(2, 3)).abs().max() < 1e-6  # so the mean would tell nothing
-    expected = (passed**2).mean(dim=(2, 3)).sqrt()
-    assert torch.allclose(spectral_pooling(features, cutoff), expected, atol=2e-6)
+    assert torch.allclose(spectral_pooling(features, cutoff), (passed**2).mean(dim=(2, 3)).sqrt(), atol=2e-6)
 
 
 @pytest.mark.parametrize("attention", [True, False])

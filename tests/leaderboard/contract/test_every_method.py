@@ -69,10 +69,8 @@ def _one_thread():
 @pytest.fixture(scope="session")
 def cases(tmp_path_factory):
     """The case of every method by name: what one trains, the tests of a method share."""
-    return {
-        name: ShortCase(name, find_method(name), "demo", STEPS, tmp_path_factory.mktemp(name))
-        for name in registered(METHODS)
-    }
+    made = tmp_path_factory.mktemp
+    return {name: ShortCase(name, find_method(name), "demo", STEPS, made(name)) for name in registered(METHODS)}
 
 
 @pytest.fixture(params=list(registered(METHODS)))

@@ -1,12 +1,11 @@
 """What a board shows: written elsewhere, whole, and without what is no longer there; the board stays as it is."""
 
-import json
 import shutil
 from pathlib import Path
 
 import pandas as pd
 import pytest
-from damage import files
+from damage import edit, files
 from made_up_board import write_board as make_runs
 
 from hydroviews.errors import InputError
@@ -98,8 +97,7 @@ def test_runs_that_left_the_board_go_and_files_of_the_users_stay(board, shown, t
 def test_runs_of_a_board_that_cannot_be_used_are_named(board, tmp_path):
     damaged, partial = (board / "demo" / method / "pond/streak-1/seed-0/record.json" for method in ("3dgs", "ours"))
     damaged.write_text("{")
-    record = json.loads(partial.read_text())
-    partial.write_text(json.dumps(record | {"status": "partial", "reason": "no weights", "lpips_vgg": None}))
+    edit(partial, status="partial", reason="no weights", lpips_vgg=None)
     told = r"cannot be shown[\s\S]*demo/3dgs/pond/.*not valid JSON[\s\S]*demo/ours/pond/.*: partial: no weights"
     with pytest.raises(InputError, match=told):
         write_board(board, tmp_path / "out")

@@ -75,13 +75,11 @@ def test_a_board_notes_when_and_with_which_version_runs_came_onto_it(results, bo
     publish(results, board, day=date(2026, 1, 3))  # nothing is new
     publish(board, tmp_path / "shown")
     assert publication(board) == publication(tmp_path / "shown") == note
-    edit(results, train_s=1.0)
-    publish(results, board, overwrite=True, day=date(2026, 1, 4))
-    assert publication(board)["date"] == "2026-01-04"
-    (board / FOLDER).unlink()  # as in a copy of the repository
-    edit(results, train_s=2.0)
-    publish(results, board, overwrite=True, day=date(2026, 1, 5))
-    assert publication(board)["date"] == "2026-01-05"
+    for day in (4, 5):
+        edit(results, train_s=day)
+        publish(results, board, overwrite=True, day=date(2026, 1, day))
+        assert publication(board)["date"] == f"2026-01-0{day}"
+        (board / FOLDER).unlink()  # as in a copy of the repository
     assert not list(board.glob(f"{PUBLICATION}.kept*"))
     (board / PUBLICATION).write_text('{"day": 1}')
     with pytest.raises(InputError, match=f"{PUBLICATION}: not a note"):
@@ -231,9 +229,8 @@ def test_views_that_runs_were_given_lie_once_on_a_board_and_are_copied_with_it(r
         for view in views:
             write_png(results / run / "renders" / f"{view}.png", np.zeros((8, 8, 3), np.float32))
     publish(results, board, data=tmp_path / "data")
-    assert set(files(board / "views/demo/pond")) == {
-        f"{pattern}/{v}.webp" for pattern in ("clean", "streak-1") for v in views
-    }
+    names = {f"{pattern}/{view}.webp" for pattern in ("clean", "streak-1") for view in views}
+    assert set(files(board / "views/demo/pond")) == names
     assert "not the data that the runs under raindrop-1 were made on" in caplog.text
     view = board / "views/demo/pond/streak-1" / f"{views[0]}.webp"
     drawn = view.read_bytes()

@@ -2,7 +2,6 @@
 
 import io
 import os
-import signal
 import subprocess
 import sys
 import time
@@ -29,8 +28,7 @@ def why(tmp_path, monkeypatch):
 
     def run(deed: str, limits: Limits = LONG) -> str:
         watch = Watch(limits, [tmp_path])
-        end = supervision.end_gently
-        return run_tethered("tethered_toy", [f"--deed={deed}"], tmp_path, watch, end, limits.memory)
+        return run_tethered("tethered_toy", [f"--deed={deed}"], tmp_path, watch, supervision.end_gently, limits.memory)
 
     return run
 
@@ -156,8 +154,8 @@ def test_what_a_command_of_the_method_writes_is_a_sign_of_life_wherever_it_goes(
 
 def test_what_is_removed_while_it_is_looked_for_does_not_count(tmp_path, monkeypatch):
     gone, kept = tmp_path / "a" / "gone", tmp_path / "b" / "deep"
-    gone.mkdir(parents=True)
-    kept.mkdir(parents=True)
+    for folder in (gone, kept):
+        folder.mkdir(parents=True)
     (kept / "file").touch()
     scandir = os.scandir
 
@@ -198,7 +196,7 @@ def test_a_child_does_not_outlive_a_parent_that_is_killed(tmp_path, deed, option
     parent = subprocess.Popen([sys.executable, "-c", code, *child], env=environment)
     wait_until(lambda: (tmp_path / "pid").exists() and (tmp_path / "pid").read_text(), parent)
     time.sleep(1)  # in its deed or still importing: it must end both ways
-    parent.send_signal(signal.SIGKILL)
+    parent.kill()
     parent.wait()
     number = int((tmp_path / "pid").read_text())
     deadline = time.monotonic() + 60

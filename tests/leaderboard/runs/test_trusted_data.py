@@ -2,6 +2,7 @@
 
 import dataclasses
 import errno
+import re
 import stat
 
 import numpy as np
@@ -33,8 +34,7 @@ def test_a_method_that_writes_over_its_photographs_fails_and_harms_nobody(reques
     before = contents(run.data)
     record = evaluate(request_of(method))[-1]
     assert (record.status, record.scores) == ("failed", {})
-    assert record.reason.startswith("wrote into the data that it was lent: view-01.png, view-02.png")
-    assert record.reason.endswith(" and 2 more")
+    assert re.fullmatch(r"wrote into the data that it was lent: view-01\.png, view-02\.png.* and 2 more", record.reason)
     assert contents(run.data) == before
     assert not list(run.results.rglob(".partial-*"))
 
@@ -113,8 +113,7 @@ def test_depth_and_masks_are_lent_of_training_views_alone(tmp_path):
 
 @pytest.mark.parametrize("name", ["clean/view-00.png", "clean/view-03.png", "streak-0/images/view-01.png"])
 def test_a_picture_that_changed_is_not_trained_on_and_not_scored(request_of, run, name):
-    picture = run.data / "yard" / name
-    paint(picture)
+    paint(run.data / "yard" / name)
     with pytest.raises(InputError, match=rf"{name}: changed or missing[\s\S]*--repair"):
         evaluate(request_of("MeanColour"))
     if name == "clean/view-00.png":

@@ -12,6 +12,7 @@ from leaderboard.records import LONGEST
 pytestmark = pytest.mark.usefixtures("toys", "evaluated")
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="elsewhere the system limits address space alone")
 HOUR = 3600
+NUMBERS = ["psnr", "ssim", "lpips_alex", "train_s", "model_mb"]
 LEFTOVERS = 8  # of `LeavesInTheWay`; the last takes the run's folder itself away
 
 
@@ -45,7 +46,7 @@ def test_it_fails_alone(row_of, method, reason):
     assert row.status == "failed"
     assert reason in row.reason
     assert len(row.reason) <= LONGEST
-    assert row[["psnr", "train_s", "device"]].isna().all()
+    assert row[[*NUMBERS, "device"]].isna().all()
 
 
 @pytest.mark.parametrize("seed", range(LEFTOVERS))
@@ -62,8 +63,7 @@ def test_it_fails_alone_where_it_leaves_something_in_the_way_of_its_run(request_
 @pytest.mark.usefixtures("trained_here")
 def test_numbers_of_a_library_are_numbers(row_of):
     row = row_of("NumpyScalars")
-    assert row.status == "done"
-    assert (row.train_s, row.n_primitives, row.model_mb) == (0.5, 7, 0.001)
+    assert (row.status, row.train_s, row.n_primitives, row.model_mb) == ("done", 0.5, 7, 0.001)
 
 
 @pytest.mark.parametrize(
@@ -78,17 +78,18 @@ def test_what_is_wrong_with_the_machine_is_not_its_fault_and_ends_the_command(ro
 @pytest.mark.parametrize(
     ("method", "limit", "reason"),
     [
+        ("Killed", {}, "ended by SIGKILL"),
         ("Hangs", {"time_limit": 1 / HOUR}, "not done after 0.000277778 h (--time-limit, in hours, allows more)"),
         pytest.param("EatsMemory", {"memory_limit": 4.0}, "--memory-limit 4", marks=LINUX),
     ],
 )
-def test_it_fails_alone_where_it_takes_more_than_allowed(row_of, method, limit, reason):
+def test_it_fails_alone_where_it_is_killed_or_takes_more_than_allowed(row_of, method, limit, reason):
     row = row_of(method, **limit)
     assert row.status == "failed"
     assert reason in row.reason
+    assert row[NUMBERS].isna().all()
 
 
 def test_what_it_prints_and_changes_in_its_memory_is_no_harm(row_of, evaluated):
     row = row_of("PrintsGarbageAndChangesInput")
-    assert row.status == "done"
-    assert row.psnr == evaluated.scores["psnr"]
+    assert (row.status, row.psnr) == ("done", evaluated.scores["psnr"])

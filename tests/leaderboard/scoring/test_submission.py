@@ -1,7 +1,6 @@
 """Renders of others: scored as ours are, and refused as a whole where anything is not as it has to be."""
 
 import csv
-import json
 import os
 import re
 import shutil
@@ -12,6 +11,7 @@ import numpy as np
 import pandas as pd
 import PIL.Image
 import pytest
+from damage import edit as edit_json
 from finished_runs import finished_run
 
 from baselines.method import METHODS
@@ -71,8 +71,8 @@ def test_our_own_renders_submitted_score_the_same_and_are_marked(theirs, ours, c
     assert "| their-method (submitted) |" in capsys.readouterr().out
     results = theirs.parent / "results"
     row = pd.read_csv(results / "leaderboard.csv").iloc[0]
-    for name, value in ours[2].scores.items():
-        assert row[name] == pytest.approx(value, abs=1e-6)
+    scores = ours[2].scores
+    assert row[list(scores)].to_dict() == pytest.approx(scores, abs=1e-6)
     assert (row.method, row.status, row.device, row.train_s) == ("their-method", "done", "one old card", 12.5)
     assert (row.submitted_by, row.link) == ("Ada, Grace", "https://example.org/paper")
     assert row.renders_sha256 == ours[2].renders_sha256
@@ -93,8 +93,7 @@ def test_what_they_write_of_themselves_is_run_by_no_spreadsheet_and_obeyed_by_no
         cells = [cell for line in csv.reader(path.open(newline="")) for cell in line]
         assert not [cell for cell in cells if cell.startswith(("=", "+", "@"))], path
     costs = (results / "tables.md").read_text().partition("| costs ")[2].splitlines()
-    columns = {len(re.findall(r"(?<!\\)\|", line)) for line in costs[1:3]}
-    assert len(columns) == 1
+    assert len({len(re.findall(r"(?<!\\)\|", line)) for line in costs[1:3]}) == 1  # as many columns
     assert r"=1+1 \| 80 GB" in costs[2]
 
 
@@ -124,10 +123,10 @@ def edit(theirs: Path, old: str, new: str) -> None:
 
 def as_link(path: Path, target: Path) -> None:
     """To a file that is there, or to where what it stands for is moved."""
-    if not target.exists():
-        shutil.move(path, target)
-    else:
+    if target.exists():
         path.unlink()
+    else:
+        shutil.move(path, target)
     os.symlink(target, path)
 
 
@@ -179,7 +178,6 @@ def test_a_submission_that_is_not_as_it_has_to_be_is_refused_as_a_whole(theirs, 
 def test_a_run_of_ours_is_not_replaced(theirs, ours):
     run = theirs.parent / "results/demo/their-method/yard/streak-0/seed-0"
     shutil.copytree(ours[1].folder, run)
-    settings = json.loads((run / "config.json").read_text())
-    (run / "config.json").write_text(json.dumps(settings | {"method": "their-method"}))
+    edit_json(run / "config.json", method="their-method")
     with pytest.raises(InputError, match="holds another run of that name"):
         sent(theirs)

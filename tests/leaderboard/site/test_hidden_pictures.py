@@ -2,6 +2,7 @@
 
 import logging
 import shutil
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -31,14 +32,12 @@ def grey(tmp_path, name):
 
 def test_a_run_draws_what_its_method_hides_and_pages_show_it_beside_the_rain(evaluated, tmp_path):
     scene = open_variant(tmp_path / "data" / "demo" / "yard", "streak-0")
-    (title,) = found = shown(tmp_path)
+    [(title, pictures)] = shown(tmp_path).items()
     assert title == "streak-0, seed 0"
-    pictures = found[title]
     assert list(pictures)[:2] == [RAINY_VIEW, TRUTH]
     train = [view.name for view in scene.train_views]
-    assert list(pictures["toy_methods:MeanColour"]) == sorted(
-        {train[0], train[round(0.5 * (len(train) - 1))], train[-1]}
-    )
+    first_middle_last = {train[0], train[round(0.5 * (len(train) - 1))], train[-1]}
+    assert list(pictures["toy_methods:MeanColour"]) == sorted(first_middle_last)
     assert {tuple(views) for views in pictures.values()} == {tuple(pictures[TRUTH])}
     for view in pictures[TRUTH]:
         assert grey(tmp_path, pictures["toy_methods:MeanColour"][view]).mean() == pytest.approx(0.25, abs=0.01)
@@ -70,9 +69,8 @@ def test_rain_of_other_data_is_not_shown(evaluated, tmp_path, caplog):
     shutil.rmtree(tmp_path / "data")
     with caplog.at_level(logging.WARNING):
         (pictures,) = shown(tmp_path).values()
-    assert TRUTH not in pictures
-    assert RAINY_VIEW not in pictures
-    assert len(pictures) >= 1
+    assert pictures
+    assert not {TRUTH, RAINY_VIEW} & set(pictures)
     assert "no rain of yard/streak-0 on the pages" in caplog.text
 
 
@@ -92,10 +90,6 @@ def test_what_is_no_plane_of_shares_is_refused(plane, fault):
 
 
 def test_a_method_that_does_not_look_for_such_draws_nothing(evaluated, tmp_path):
-    class Silent:
-        def hidden(self, view, size):
-            return None
-
-    scene = open_variant(tmp_path / "data" / "demo" / "yard", "streak-0")
-    draw_hidden(Silent(), scene, tmp_path / HIDDEN)
+    silent = SimpleNamespace(hidden=lambda view, size: None)
+    draw_hidden(silent, open_variant(tmp_path / "data" / "demo" / "yard", "streak-0"), tmp_path / HIDDEN)
     assert not (tmp_path / HIDDEN).exists()

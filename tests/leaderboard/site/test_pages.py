@@ -12,11 +12,12 @@ from urllib.parse import unquote, urlsplit
 import numpy as np
 import pandas as pd
 import pytest
+from damage import edit
 from PIL import Image
 
 from baselines.method import citation_of
 from baselines.training.learning_curve import LEARNING_CURVE
-from hydroviews.files.atomic import read_json, write_json
+from hydroviews.files.atomic import write_json
 from hydroviews.metrics import find_metrics
 from leaderboard.gather import PUBLICATION, collect
 from leaderboard.publishing.board_pages import write_board
@@ -42,10 +43,10 @@ class Page(HTMLParser):
     def __init__(self, path: Path):
         super().__init__()
         self.elements: list[tuple[str, dict]] = []
-        self.open: list[str] = []
         self.tables: list[list[list[tuple[str, dict]]]] = []  # by table and row: text and attributes of cells
-        self.text: list[str] = []
+        self.open: list[str] = []
         self.scripts: list[str] = []
+        self.text = ""
         self.feed(path.read_text(encoding="utf-8"))
         self.close()
         assert self.open == []
@@ -57,9 +58,9 @@ class Page(HTMLParser):
             self.open.append(tag)
         if tag == "table":
             self.tables.append([])
-        if tag == "tr":
+        elif tag == "tr":
             self.tables[-1].append([])
-        if tag in ("td", "th") and self.tables:
+        elif tag in ("td", "th") and self.tables:
             self.tables[-1][-1].append(("", dict(attributes)))
 
     def handle_endtag(self, tag):
@@ -67,7 +68,7 @@ class Page(HTMLParser):
             assert self.open.pop() == tag
 
     def handle_data(self, text):
-        self.text.append(text)
+        self.text += text
         if self.open and self.open[-1] == "script":
             self.scripts.append(text)
         if self.tables and {"td", "th"} & set(self.open):
@@ -80,8 +81,7 @@ class Page(HTMLParser):
 
 def papers_and_code(*methods: str) -> set[str]:
     """Addresses that methods cite."""
-    found = [citation_of(method) for method in methods]
-    return {address for one in found for address in (one.link, one.code) if address}
+    return {address for one in map(citation_of, methods) for address in (one.link, one.code) if address}
 
 
 def pages_of(results: Path) -> dict[Path, Page]:
@@ -98,9 +98,19 @@ def one(pages: dict[Path, Page], name: str) -> Page:
     return next(page for path, page in pages.items() if re.search(name, str(path)))
 
 
+def on_pond(results: Path, method: str, pattern: str = "streak-1") -> Path:
+    return run_folder(results, "demo", method, "pond", pattern, 0, "given-poses")
+
+
 @pytest.fixture
 def copied(written, tmp_path):
     return Path(shutil.copytree(written, tmp_path / "results"))
+
+
+@pytest.fixture
+def rewritten(copied):
+    """Writes the pages of the copied results again."""
+    return lambda docs="": write_site(collect(copied), copied, copied / "no data", docs)
 
 
 def test_there_is_a_page_per_method_scene_and_run(written, pages):
@@ -138,9 +148,8 @@ def test_a_board_shows_the_renders_that_it_has_and_says_where_it_has_none(shippe
     drawn, captured = (one(found, f"scenes/{name}") for name in ("pond", "mip"))
     assert [a for a in drawn.all("form") if "viewer" in a["class"]]
     assert not captured.all("img")
-    assert "These runs have no pictures." in "".join(captured.text)
-    run = one(found, "runs/.*bonsai")
-    files = [a["href"].rpartition("/")[2] for a in run.all("a")]
+    assert "These runs have no pictures." in captured.text
+    files = [a["href"].rpartition("/")[2] for a in one(found, "runs/.*bonsai").all("a")]
     assert files[-3:] == ["learning_curve.csv", "per_view.csv", "record.json"]
 
 
@@ -153,8 +162,8 @@ def test_a_board_without_renders_has_pages_that_say_so(written, tmp_path):
     for path, page in found.items():
         assert page.all("img") == []
         assert not [a for a in page.all("form") if "viewer" in a["class"]]
-        assert ("These runs have no pictures." in "".join(page.text)) == (path.parent.name == "scenes")
-    assert "A page of tables each." in "".join(found[tmp_path / "shown" / "site" / "index.html"].text)
+        assert ("These runs have no pictures." in page.text) == (path.parent.name == "scenes")
+    assert "A page of tables each." in found[tmp_path / "shown" / "site" / "index.html"].text
 
 
 def test_the_course_of_a_training_is_drawn(pages):
@@ -174,7 +183,7 @@ def test_names_run_no_script(pages):
             assert "<" not in text
             json.loads(text)
         assert all(attributes["src"].endswith(".webp") for attributes in page.all("img") if "src" in attributes)
-    text = "".join(text for page in pages.values() for text in page.text)
+    text = "".join(page.text for page in pages.values())
     assert "onerror=alert(1)>" in text  # shown as it is
     assert "</td></script><script>alert(3)</script>" in text
 
@@ -211,11 +220,10 @@ def runs_of_suite(table: pd.DataFrame, suite: str) -> pd.DataFrame:
 
 def shows(cell: tuple[str, dict], value: float | None, text: Callable[[float], str]) -> bool:
     """Whether a cell has a number to read and to sort by, or neither."""
-    known = value is not None and not np.isnan(value)
     number = float(cell[1].get("data-value", "nan"))
-    return (cell[0], number) == (
-        (text(value), pytest.approx(value)) if known else ("", pytest.approx(np.nan, nan_ok=True))
-    )
+    if value is None or np.isnan(value):
+        return cell[0] == "" and np.isnan(number)
+    return cell[0] == text(value) and number == pytest.approx(value)
 
 
 def has_scores_and_gain(cells: dict[str, tuple[str, dict]], ranked: RankedMethod) -> bool:
@@ -250,12 +258,12 @@ def test_a_method_has_its_paper_authors_code_and_licence_on_a_page_that_the_rank
     index, page = pages[written / "site" / "index.html"], one(pages, f"/{method_page('3dgs')}")
     address = f"methods/{method_page('3dgs')}"
     assert [a["href"] for a in index.all("a")].count(address) == 2 * 2 + 1  # rankings, and the list of methods
-    cited, text = citation_of("3dgs"), "".join(page.text)
-    assert all(words in text for words in (cited.title, cited.paper, cited.authors, str(cited.year), cited.licence))
+    cited = citation_of("3dgs")
+    told = (cited.title, cited.paper, cited.authors, str(cited.year), cited.licence, "hydroviews eval 3dgs\n")
+    assert all(words in page.text for words in told)
     assert papers_and_code("3dgs") <= {a["href"] for a in page.all("a")}
-    assert "hydroviews eval 3dgs\n" in text
-    assert "With +enhance" not in text
-    theirs = "".join(one(pages, method_page(THEIRS)).text)
+    assert "With +enhance" not in page.text
+    theirs = one(pages, method_page(THEIRS)).text
     assert "Submitted by <b>Ada</b>" in theirs
     assert "hydroviews eval" not in theirs
 
@@ -279,21 +287,19 @@ def test_the_page_of_a_method_has_its_scores_by_rain_and_unfolds_them_by_scene(w
     assert [found[1][-1][0] for found in paper] == (["27.41"] if method == "deraings" else [])
 
 
-def test_links_to_the_documentation_and_of_submitters_and_the_day_of_publication(copied):
-    theirs = run_folder(copied, "demo", THEIRS_IN_RECORDS, "pond", "raindrop-0", 0, "given-poses")
-    write_json(theirs / "record.json", read_json(theirs / "record.json") | {"link": "https://[abc"})  # of before
+def test_links_to_the_documentation_and_of_submitters_and_the_day_of_publication(copied, rewritten):
+    edit(on_pond(copied, THEIRS_IN_RECORDS, "raindrop-0") / "record.json", link="https://[abc")  # of before
     write_json(copied / PUBLICATION, {"date": "2026-01-02", "version": "1.0.0+abc"})
-    for docs, start in (("../../", "../../"), ("https://example.org/docs/", "https://example.org/docs/"), ("", None)):
-        write_site(collect(copied), copied, copied / "no data", docs)
+    for docs in ("", "https://example.org/docs/", "../../"):
+        rewritten(docs)
         index = Page(copied / "site" / "index.html")
-        assert "Published on 2026-01-02 with version 1.0.0+abc." in "".join(index.text)
+        assert "Published on 2026-01-02 with version 1.0.0+abc." in index.text
         found = {a["href"] for a in index.all("a") if a["href"].endswith("board.html#submit-renders")}
-        assert found == ({f"{start}leaderboard/board.html#submit-renders"} if docs else set())
-    write_site(collect(copied), copied, copied / "no data", "../../")
+        assert found == ({f"{docs}leaderboard/board.html#submit-renders"} if docs else set())
     page = Page(copied / "site" / "methods" / method_page("3dgs"))
     assert "../../../methods/index.html" in {a["href"] for a in page.all("a")}
     names = ("demo", THEIRS_IN_RECORDS, "pond", "raindrop-0", "0", "given-poses")
-    text = "".join(Page(copied / "site" / "runs" / page_name(*names)).text)
+    text = Page(copied / "site" / "runs" / page_name(*names)).text
     assert "Submitted by <b>Ada</b>." in text  # without a link to what is no address
 
 
@@ -313,8 +319,7 @@ def test_quality_is_drawn_against_every_cost_with_a_point_a_method(written, page
 
 def test_everything_has_a_name_for_who_does_not_see(pages):
     for page in pages.values():
-        tables, captions = page.all("table"), page.all("caption")
-        assert len(tables) == len(captions)
+        assert len(page.all("table")) == len(page.all("caption"))
         assert all("scope" in attributes for attributes in page.all("th"))
         assert all("alt" in attributes for attributes in page.all("img"))
         assert all(attributes.get("loading") == "lazy" for attributes in page.all("img") if "src" in attributes)
@@ -330,12 +335,10 @@ def test_the_viewer_has_renders_of_all_methods_and_they_are_the_runs(written, pa
     pictures = json.loads(page.scripts[0])
     assert list(pictures) == ["raindrop-0, seed 0", "streak-1, seed 0"]
     shown = pictures["streak-1, seed 0"]
-    assert next(iter(shown)) == "3dgs-clean"
-    assert len(shown) == 4
+    assert (next(iter(shown)), len(shown)) == ("3dgs-clean", 4)
     assert list(shown["deraings"]) == ["000", "016", "024"]
     small = np.asarray(Image.open(path.parent.parent / "pictures" / shown["deraings"]["016"]), float)
-    folder = run_folder(written, "demo", "deraings", "pond", "streak-1", 0, "given-poses")
-    render = np.asarray(Image.open(folder / "renders" / "016.png"), float)
+    render = np.asarray(Image.open(on_pond(written, "deraings") / "renders" / "016.png"), float)
     assert np.abs(small - render).mean() < 6
 
 
@@ -344,23 +347,22 @@ def test_published_numbers_stand_beside_ours(pages):
     table = next(found for found in page.tables if found[0][-1][0] == "LPIPS (paper)")
     row = next(row for row in table if row[1][0] == "deraings")
     assert [text for text, _ in row[-3:]] == ["27.41", "0.877", "0.173"]
-    assert "are not our runs" in "".join(page.text)
+    assert "are not our runs" in page.text
 
 
-def test_pictures_are_written_once_and_what_is_gone_goes(copied):
+def test_pictures_are_written_once_and_what_is_gone_goes(copied, rewritten):
     site = copied / "site"
     before = {path: path.stat().st_mtime_ns for path in site.rglob("*.*")}
-    write_site(collect(copied), copied, copied / "no data")
+    rewritten()
     assert {path: path.stat().st_mtime_ns for path in site.rglob("*.*")} == before
-    shutil.rmtree(run_folder(copied, "demo", "deraings", "pond", "streak-1", 0, "given-poses"))
-    write_site(collect(copied), copied, copied / "no data")
+    shutil.rmtree(on_pond(copied, "deraings"))
+    rewritten()
     gone = set(before) - set(site.rglob("*.*"))
     assert sorted(path.suffix for path in gone) == [".html", ".webp", ".webp", ".webp"]
 
 
 def test_a_run_that_is_removed_meanwhile_does_not_end_the_pages(copied, monkeypatch):
-    table, is_file = collect(copied), Path.is_file
-    folder = run_folder(copied, "demo", "3dgs", "pond", "streak-1", 0, "given-poses")
+    table, is_file, folder = collect(copied), Path.is_file, on_pond(copied, "3dgs")
 
     def removing(path):
         there = is_file(path)
@@ -373,13 +375,12 @@ def test_a_run_that_is_removed_meanwhile_does_not_end_the_pages(copied, monkeypa
     assert not folder.exists()
     page = Page(copied / "site" / "runs" / page_name("demo", "3dgs", "pond", "streak-1", "0", "given-poses"))
     assert page.all("svg") == []
-    assert "Learning curve" not in "".join(page.text)
+    assert "Learning curve" not in page.text
 
 
-def test_a_render_that_is_no_picture_is_left_out_with_a_warning(copied, caplog):
-    folder = run_folder(copied, "demo", "deraings", "pond", "streak-1", 0, "given-poses")
-    (folder / "renders" / "016.png").write_bytes(b"not a picture")
-    write_site(collect(copied), copied, copied / "no data")
+def test_a_render_that_is_no_picture_is_left_out_with_a_warning(copied, rewritten, caplog):
+    (on_pond(copied, "deraings") / "renders" / "016.png").write_bytes(b"not a picture")
+    rewritten()
     assert "016.png: not on the pages" in caplog.text
     page = Page(next((copied / "site" / "scenes").glob("pond*")))
     assert list(json.loads(page.scripts[0])["streak-1, seed 0"]["deraings"]) == ["000", "024"]
@@ -392,11 +393,10 @@ def test_rainy_and_clean_views_are_those_of_the_data_that_were_run_on(evaluated,
     shown = json.loads(Page(scene).scripts[0])["streak-0, seed 0"]
     assert list(shown)[:2] == ["clean view", "rainy view"]
     views = set(shown[list(shown)[-1]])
-    assert views
-    assert set(shown["clean view"]) == set(shown["rainy view"]) == views
+    assert set(shown["clean view"]) == set(shown["rainy view"]) == views != set()
     assert all(shown["clean view"][view] != shown["rainy view"][view] for view in views)
     for path in results.glob("*/*/*/streak-0/*/record.json"):
-        write_json(path, read_json(path) | {"data_sha256": "of an older build"})
+        edit(path, data_sha256="of an older build")
     with caplog.at_level(logging.WARNING):
         write_site(collect(results), results, data)
     assert "not the data that the runs under streak-0 were made on" in caplog.text

@@ -31,8 +31,8 @@ def request_of(toys, evaluated_once, tmp_path, monkeypatch):
     monkeypatch.setattr(matrix, "probe", lambda method, profile: None)
     usual = {"scenes": (str(evaluated_once[0] / "yard"),), "patterns": ("streak-0",), "workers": 1}
     usual |= {"data": evaluated_once[0] / "data", "results": tmp_path / "swept"}
-    return lambda methods, **changes: SweepRequest(
-        methods=tuple(f"toy_methods:{method}" for method in methods), **{**usual, **changes}
+    return lambda *methods, **changes: SweepRequest(
+        methods=tuple(f"toy_methods:{m}" for m in methods), **usual | changes
     )
 
 
@@ -50,10 +50,10 @@ def scored_here(monkeypatch):
 
 @pytest.mark.usefixtures("scored_here", "trained_here")
 def test_a_failed_run_costs_its_row_only_and_what_is_done_is_skipped(request_of, tmp_path, caplog):
-    request = request_of(["Raises", "MeanColour"])
-    failures = sweep(request)
-    assert [run.method for run in failures] == ["toy_methods:Raises"]
-    assert "diverged at step 7" in next(iter(failures.values()))
+    request = request_of("Raises", "MeanColour")
+    [(failed, reason)] = sweep(request).items()
+    assert failed.method == "toy_methods:Raises"
+    assert "diverged at step 7" in reason
     table = pd.read_csv(tmp_path / "swept/leaderboard.csv").set_index("method")
     assert dict(table.status) == {"toy_methods:MeanColour": "done", "toy_methods:Raises": "failed"}
     assert table.workers["toy_methods:MeanColour"] == 1
@@ -69,11 +69,9 @@ def test_runs_of_a_matrix(request_of, tmp_path, evaluated_once):
     methods = ("toy_methods:MeanColourClean", "toy_methods:MeanColour", "toy_methods:MeanColour")
     wanted = {"methods": methods, "scenes": [str(evaluated_once[0] / "yard")], "patterns": ["streak-0"]}
     runs = build_runs(matrix_of(wanted | {"seeds": [0, 3]}, "-"), evaluated_once[0] / "data", tmp_path)
-    assert [(run.method.partition(":")[2], run.pattern, run.seed) for run in runs] == [
-        (method, pattern, seed)
-        for seed in (0, 3)
-        for method, pattern in (("MeanColourClean", "clean"), ("MeanColour", "streak-0"))
-    ]
+    expected = [(name, seed) for seed in (0, 3) for name in ("MeanColourClean clean", "MeanColour streak-0")]
+    found = [(f"{run.method.removeprefix('toy_methods:')} {run.pattern}", run.seed) for run in runs]
+    assert found == expected
 
 
 @pytest.mark.parametrize(
@@ -105,8 +103,8 @@ def test_options_that_contradict_each_other(tmp_path):
 def test_workers_fit_into_cores_and_memory(monkeypatch):
     monkeypatch.setattr(local, "cores", lambda: list(range(16)))
     monkeypatch.setattr(local, "available_memory", lambda: 20.0)
-    assert [local.fitting_workers(1, None), local.fitting_workers(1, 1.0), local.fitting_workers(8, 1.0)] == [5, 16, 2]
-    assert local.fitting_workers(32, 100.0) == 1
+    given = ((1, None), (1, 1.0), (8, 1.0), (32, 100.0))
+    assert [local.fitting_workers(*one) for one in given] == [5, 16, 2, 1]
 
 
 @pytest.mark.skipif(len(local.cores()) < 2, reason="needs two cores")
@@ -147,37 +145,35 @@ def row(results: Path, method: str) -> pd.Series:
     return table.loc[f"toy_methods:{method}"]
 
 
-@pytest.mark.usefixtures("scored_here", "trained_here")  # the command that is killed is as it is
-def test_killed_in_training_the_row_is_that_of_an_evaluation(request_of, tmp_path, evaluated_once):
-    """Nobody can tell the run to end, and the next sweep must not meet it at work."""
-    request = request_of(["WaitsOnce"])
+@pytest.mark.parametrize(
+    ("kill", "number", "status"),
+    [
+        (os.kill, signal.SIGKILL, -signal.SIGKILL),  # the run goes on for a moment: the next sweep must not meet it
+        (os.killpg, signal.SIGTERM, 143),  # SIGINT goes the same way: see test_kills_and_disks.py
+    ],
+    ids=["killed", "interrupted"],
+)
+@pytest.mark.usefixtures("scored_here", "trained_here")  # the command that is ended is as it is
+def test_ended_in_training_the_row_is_that_of_an_evaluation(request_of, tmp_path, evaluated_once, kill, number, status):
+    request = request_of("WaitsOnce")
     process = begun(request, tmp_path / WAITS_ONCE)
-    process.kill()
-    process.communicate(timeout=PATIENCE)
-    assert process.returncode == -signal.SIGKILL
-    assert sweep(request) == {}
-    done = row(tmp_path / "swept", "WaitsOnce")
-    pd.testing.assert_series_equal(done, row(evaluated_once[0] / "results", "MeanColour"), check_names=False)
-
-
-@pytest.mark.usefixtures("scored_here", "trained_here")  # SIGINT goes the same way: see test_interruption.py
-def test_an_interruption_ends_all_processes_and_the_same_command_goes_on(request_of, tmp_path):
-    request = request_of(["WaitsOnce"])
-    process = begun(request, tmp_path / WAITS_ONCE)
-    os.killpg(process.pid, signal.SIGTERM)
+    kill(process.pid, number)
     _, errors = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 143
+    assert process.returncode == status
     assert "Traceback" not in errors
-    with pytest.raises(ProcessLookupError):
-        os.killpg(process.pid, 0)
+    if kill is os.killpg:
+        with pytest.raises(ProcessLookupError):
+            os.killpg(process.pid, 0)
     assert sweep(request) == {}
+    expected = row(evaluated_once[0] / "results", "MeanColour")
+    pd.testing.assert_series_equal(row(tmp_path / "swept", "WaitsOnce"), expected, check_names=False)
 
 
 def test_a_slurm_script_whose_tasks_are_the_runs(request_of, tmp_path):
     """Also where names have what Slurm and shells take for something else."""
     script, results = tmp_path / "array.sh", tmp_path / "20 % #1"
     limits = {"time_limit": 1.5, "memory_limit": 2.0, "threads": 2}
-    request = request_of(["MeanColour"], slurm=script, results=results, seeds=(0, 1), **limits)
+    request = request_of("MeanColour", slurm=script, results=results, seeds=(0, 1), **limits)
     assert sweep(request) == {}
     text = script.read_text()
     for line in ("--array=0-1", "--cpus-per-task=2", "--mem=3000M", "--time=120"):  # above the run's own limits
@@ -186,8 +182,7 @@ def test_a_slurm_script_whose_tasks_are_the_runs(request_of, tmp_path):
     assert shlex.split(output, comments=True) == [f"--output={tmp_path}/20 %% #1/logs/slurm-%A-%a.log"]
     task = {**environment(), "SLURM_ARRAY_TASK_ID": "1"}
     subprocess.run(["bash", str(script)], env=task, check=True, capture_output=True)
-    runs = sorted(path.parent.name for path in results.rglob("record.json"))
-    assert runs == ["seed-1"]
+    assert [path.parent.name for path in results.rglob("record.json")] == ["seed-1"]
     sweep(request)  # the next script has what is missing
     assert "#SBATCH --array=0-0\n" in script.read_text()
 
@@ -195,11 +190,11 @@ def test_a_slurm_script_whose_tasks_are_the_runs(request_of, tmp_path):
 def test_ray_is_not_installed_or_nothing_answers(request_of, monkeypatch):
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(InputError, match="Ray is not installed"):
-        sweep(request_of(["MeanColour"], ray="127.0.0.1:6379"))
+        sweep(request_of("MeanColour", ray="127.0.0.1:6379"))
     monkeypatch.setitem(sys.modules, "ray", object())
     for address in ("127.0.0.1:1", "nowhere", "127.0.0.1:notaport"):
         with pytest.raises(InputError, match="no Ray cluster answers"):
-            sweep(request_of(["MeanColour"], ray=address))
+            sweep(request_of("MeanColour", ray=address))
 
 
 class OneAfterTheOther:
@@ -234,7 +229,7 @@ class OneAfterTheOther:
 def test_a_task_that_ray_loses_costs_its_row_only(request_of, tmp_path, monkeypatch):
     ray = OneAfterTheOther(lost="toy_methods:Raises")
     monkeypatch.setitem(sys.modules, "ray", ray)
-    failures = sweep(request_of(["MeanColour", "Raises"], ray="auto", threads=2, memory_limit=2.0))
+    failures = sweep(request_of("MeanColour", "Raises", ray="auto", threads=2, memory_limit=2.0))
     assert {run.method: reason for run, reason in failures.items()} == {ray.lost: "lost by Ray: node died"}
     assert list(pd.read_csv(tmp_path / "swept/leaderboard.csv").status) == ["done"]
     assert (ray.options["num_cpus"], ray.options["memory"]) == (2, 2_000_000_000)

@@ -60,7 +60,7 @@ def test_suites_stand_apart_and_one_can_be_asked_for(results, capsys):
     printed = capsys.readouterr().out
     titles = [f"{suite}, demo, given-poses" for suite in ("Suite test", "Suite development", "Other scenes")]
     assert [printed.count(title) for title in titles] == [1, 1, 1]
-    assert printed.index(titles[0]) < printed.index(titles[1]) < printed.index(titles[2])
+    assert sorted(titles, key=printed.index) == titles
     assert printed.count("Means over the 1 runs that all of them have, on 1 scene, 3 views.") == 3
     assert "| a | 21.00 [21.00, 21.00] | 1/1 |" in printed
     compare_command(suite="development", patterns=("streak-0",), results=results)
@@ -86,8 +86,8 @@ def test_what_is_not_there_cannot_be_compared(results, options, message):
 
 def test_a_suite_that_cannot_be_compared_does_not_hold_up_the_others(results, capsys):
     add_run(results, "c", "mine", "streak-0")
-    shutil.rmtree(results / "demo/a/courtyard")
-    shutil.rmtree(results / "demo/b/courtyard")
+    for method in ("a", "b"):
+        shutil.rmtree(results / "demo" / method / "courtyard")
     add_run(results, "3dgs-clean", "courtyard", "clean")  # a ceiling alone
     compare_command(("a", "c"), results=results)
     printed = capsys.readouterr().out
@@ -102,10 +102,8 @@ def test_a_suite_that_cannot_be_compared_does_not_hold_up_the_others(results, ca
 
 
 def test_a_method_that_lacks_most_runs_is_not_compared_and_named(results, capsys):
-    for pattern in ("streak-1", "streak-2"):
-        for method in ("a", "b"):
-            add_run(results, method, "room", pattern)
-    add_run(results, "few", "room", "streak-1")
+    for method, pattern in (*itertools.product(("a", "b"), ("streak-1", "streak-2")), ("few", "streak-1")):
+        add_run(results, method, "room", pattern)
     compare_command(suite="test", results=results)
     printed = capsys.readouterr().out
     assert "Means over the 3 runs that all of them have, on 1 scene, 9 views." in printed
@@ -134,12 +132,11 @@ def test_means_ranks_and_ties():
     assert list(found.methods["rank"]) == [1, 2, 2]  # theirs and 3dgs cannot be told apart
     assert list(found.pairs.significant) == [True, True, False]
     assert found.pairs.difference[0] == pytest.approx(expected["ours"] - expected[found.pairs.second[0]])
-    assert (found.n_scenes, found.n_runs, found.n_views) == (3, 18, 72)
-    assert found.seeds == 1
+    assert (found.n_scenes, found.n_runs, found.n_views, found.seeds) == (3, 18, 72, 1)
     text = in_words(found, "suite test")
     assert text.startswith("suite test\n\n| rank | method | PSNR [95 %] | runs |")
-    assert "| tie |" in text
     told = "Seeds per pattern that would separate the first two methods on these scenes: 1.\n"
+    assert "| tie |" in text
     assert f"on 3 scenes, 72 views. {told}" in text
 
 
@@ -160,7 +157,7 @@ def test_means_are_of_runs_that_all_have_and_who_finished_fewer_ranks_below():
     assert found.loc["ours", "mean"] == found["mean"].max()
     assert found.index[-1] == "ours"
     assert dict(found["rank"]) == {"ours": 3, "theirs": 1, "3dgs": 1}  # these two as if it were not there
-    assert (found.loc["ours", "finished"], found.loc["ours", "planned"]) == (16, 18)
+    assert found.loc["ours", ["finished", "planned"]].tolist() == [16, 18]
     assert "| 16/18 |" in in_words(compare(runs, views, "psnr"), "")
 
 
@@ -168,12 +165,10 @@ def test_a_method_without_any_run_is_listed_last_and_empties_nothing():
     lost = list(itertools.product(["theirs"], SCENES, PATTERNS, [0, 1]))
     found = compare(*board(missing=lost), "psnr")
     assert list(found.methods.method)[-1] == "theirs"
-    assert found.methods["mean"].isna().sum() == 1
-    assert found.n_runs == 18
+    assert (found.methods["mean"].isna().sum(), found.n_runs) == (1, 18)
     assert [rank_text(rank) for rank in found.methods["rank"]] == ["1", "2", ""]
-    text = in_words(found, "")
-    assert "|  | theirs |  | 0/18 |" in text
-    assert "Means over the 18 runs that all with a rank have" in text
+    for told in ("|  | theirs |  | 0/18 |", "Means over the 18 runs that all with a rank have"):
+        assert told in in_words(found, "")
 
 
 def test_runs_on_other_data_and_views_without_a_finite_score_do_not_count():
@@ -181,8 +176,7 @@ def test_runs_on_other_data_and_views_without_a_finite_score_do_not_count():
     views.loc[views.index[:4], "psnr"] = [1.0, np.inf, 1.0, 1.0]
     assert compare(runs, views, "psnr").n_runs == 17
     for table in (runs, views):
-        old = (table.method == "ours") & (table.scene == "pond")
-        table.loc[old, "data_sha256"] = "of an older build"
+        table.loc[(table.method == "ours") & (table.scene == "pond"), "data_sha256"] = "of an older build"
     assert compare(runs, views, "psnr").n_runs == 11
 
 
@@ -208,8 +202,8 @@ def test_seeds_are_those_that_tell_the_first_two_apart():
 
 def test_what_was_submitted_stands_apart_from_a_method_of_the_same_name():
     runs, views = board(methods={"a": 1.0})
-    theirs = [table.assign(submitted_by="Ada") for table in (runs, views)]
-    found = compare(*(pd.concat(pair) for pair in zip((runs, views), theirs, strict=True)), "psnr")
+    both = (pd.concat([table, table.assign(submitted_by="Ada")]) for table in (runs, views))
+    found = compare(*both, "psnr")
     assert set(found.methods.method) == {"a", "a (submitted)"}
     assert np.isinf(found.seeds)
     assert "The first two are equal" in in_words(found, "")

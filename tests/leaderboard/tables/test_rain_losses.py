@@ -45,8 +45,8 @@ def results_in(folder: Path, built: Path, **changes) -> Path:
             runs = [("3dgs-clean", "clean", 26 + seed), ("3dgs", "streak-0", 24.5), ("3dgs", "streak-2", 17.25)]
             for method, pattern, psnr in [*runs, ("ours", "streak-2", 25)]:
                 facts = {"scene": built.name, "profile": "demo", "track": track, "seed": seed, "status": "done"}
-                numbers = {"psnr": psnr - penalty, "data_sha256": data_hash(built.parent, built.name, pattern)}
-                rows.append({**facts, "method": method, "pattern": pattern, **numbers, **changes})
+                facts |= {"psnr": psnr - penalty, "data_sha256": data_hash(built.parent, built.name, pattern)}
+                rows.append(facts | {"method": method, "pattern": pattern} | changes)
     folder.mkdir(parents=True)
     pd.DataFrame(rows).to_csv(folder / "leaderboard.csv", index=False)
     return folder
@@ -68,8 +68,8 @@ def test_losses_are_those_of_the_runs_and_stay(tmp_path):
     rewrite_card(built)
     assert (built / "README.md").read_text() == card
     (built / "statistics.csv").unlink()  # a repair by the same build
-    scene = capture_in(tmp_path / "capture" / "yard")
-    build(scene, built.parent, patterns=STREAKS, seed=5, source=str(tmp_path / "capture" / "yard"))
+    capture = tmp_path / "capture" / "yard"
+    build(capture_in(capture), built.parent, patterns=STREAKS, seed=5, source=str(capture))
     assert (built / "README.md").read_text() == card
     assert verify(built.parent) == []
 
@@ -99,8 +99,7 @@ def test_a_scene_without_runs_does_not_hold_up_the_others(built, tmp_path, capsy
 
 
 def test_a_scene_may_be_called_by_a_number(tmp_path):
-    scene = capture_in(tmp_path / "capture" / "0042")
-    built = build(scene, tmp_path / "data", patterns=STREAKS)
+    built = build(capture_in(tmp_path / "capture" / "0042"), tmp_path / "data", patterns=STREAKS)
     losses = record_losses(built, results_in(tmp_path / "results", built))
     assert list(losses.pattern) == ["streak-0", "streak-2"] * 2
 

@@ -38,13 +38,8 @@ def test_means_share_of_gap_and_order():
 
 
 def test_the_gap_is_taken_on_the_runs_that_have_both_references():
-    found = board(
-        runs("3dgs", 26.0),
-        runs("3dgs", 14.0, pattern="streak-2"),
-        runs("ours", 25.0),
-        runs("theirs", 29.0, data_sha256="an older build of the scene"),
-        clean(30.0),
-    ).streak
+    ours = runs("3dgs", 26.0), runs("3dgs", 14.0, pattern="streak-2"), runs("ours", 25.0), clean(30.0)
+    found = board(*ours, runs("theirs", 29.0, data_sha256="an older build of the scene")).streak
     assert found.gap["ours"] == pytest.approx(-0.25)
     assert pd.isna(found.gap["theirs"])
     assert found.gap["3dgs-clean"] == 1
@@ -132,6 +127,5 @@ def test_tracks_stand_apart():
     assert scene_keys(both) == [("yard", "demo", "given-poses"), ("yard", "demo", "sparse-views")]
     for track, psnr, gap in (("given-poses", 25, 0.5), ("sparse-views", 28, 0.9)):
         summary = scene_table(both, "yard", "demo", track).streak
-        assert summary.psnr["ours"] == psnr
-        assert summary.gap["ours"] == pytest.approx(gap)
+        assert (summary.psnr["ours"], summary.gap["ours"]) == (psnr, pytest.approx(gap))
         assert list(summary.finished) == list(summary.planned) == [1] * 3

@@ -1,34 +1,31 @@
-"""The viewer: what it puts into the scene, and what choosing a view shows."""
+"""The viewer: what it puts into the scene, and what choosing a view shows; and exported splat files."""
 
 import shutil
 import socket
 import sys
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from urllib.request import urlopen
 
 import numpy as np
 import pytest
 import torch
+from compressed_ply import read_compressed_ply
 from finished_runs import finished_run
 
 from baselines.splatting.backends.torch_rasterizer import basis
+from baselines.splatting.files.ply import read_ply
+from baselines.splatting.rasterizer import render
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_json
 from hydroviews.metrics import psnr
 from hydroviews.scene.images import read_image
 from leaderboard.runs.finished_runs import find_splats, finished_runs, load_method, open_run
 from leaderboard.runs.run import Run
+from leaderboard.viewer import normalise
 from leaderboard.viewer.comparison import compare, list_shots
-from leaderboard.viewer.normalise import (
-    SIZE,
-    frustum_length,
-    normalise_scene,
-    normalise_splats,
-    pose,
-    vertical_fov,
-    window_fov,
-)
+from leaderboard.viewer.export import export
 from leaderboard.viewer.origins import is_own, own_names, own_pages_only
 from leaderboard.viewer.ports import free_port
 from leaderboard.viewer.viewer import HELD_OUT, TRAINING, open_viewer
@@ -58,8 +55,7 @@ class TestComparison:
         shots = list_shots(run)
         assert [shot.view.name for shot in shots if shot.held_out] == list(run.clean_scene().split.test)
         assert [shot.held_out for shot in shots] == [False] * 7 + [True] * 2
-        assert {shot.view.path.parent.name for shot in shots[:7]} == {"images"}
-        assert {shot.view.path.parent.name for shot in shots[7:]} == {"clean"}
+        assert [shot.view.path.parent.name for shot in shots] == ["images"] * 7 + ["clean"] * 2
         assert shots[-1].label == "view-08 (held out)"
 
     def test_psnr_is_that_of_the_written_render(self, run):
@@ -84,10 +80,10 @@ class TestStage:
         splats, places, lengths = [], [], []
         for one in (run, far):
             gaussians, cameras = find_splats(one.folder), [shot.view.camera for shot in list_shots(one)]
-            normalisation = normalise_scene(cameras, gaussians)
-            splats.append(normalise_splats(gaussians, cameras, normalisation))
-            places.append(pose(cameras[0], normalisation)[1])
-            lengths.append(frustum_length(cameras, normalisation))
+            normalisation = normalise.normalise_scene(cameras, gaussians)
+            splats.append(normalise.normalise_splats(gaussians, cameras, normalisation))
+            places.append(normalise.pose(cameras[0], normalisation)[1])
+            lengths.append(normalise.frustum_length(cameras, normalisation))
         for name, value in vars(splats[0]).items():
             assert np.allclose(getattr(splats[1], name), value, atol=1e-3), name
         assert np.allclose(*places, atol=1e-5)
@@ -95,11 +91,10 @@ class TestStage:
 
     def test_splats_have_the_shapes_and_colours_of_the_gaussians(self, run):
         gaussians, cameras = find_splats(run.folder), [list_shots(run)[0].view.camera]
-        normalisation = normalise_scene(cameras, gaussians)
-        splats = normalise_splats(gaussians, cameras, normalisation)
-        assert np.median(np.linalg.norm(splats.centers, axis=1)) == pytest.approx(SIZE)
-        scales = np.sqrt(np.linalg.eigvalsh(splats.covariances))
-        assert np.allclose(scales, 0.1 * normalisation.scale, rtol=1e-3)
+        normalisation = normalise.normalise_scene(cameras, gaussians)
+        splats = normalise.normalise_splats(gaussians, cameras, normalisation)
+        assert np.median(np.linalg.norm(splats.centers, axis=1)) == pytest.approx(normalise.SIZE)
+        assert np.allclose(np.sqrt(np.linalg.eigvalsh(splats.covariances)), 0.1 * normalisation.scale, rtol=1e-3)
         direction = gaussians.means[0] + gaussians.origin - cameras[0].centre
         values = basis(1, torch.from_numpy(direction / np.linalg.norm(direction))[None]).numpy()
         assert np.allclose(splats.rgbs[0], np.clip(values @ gaussians.sh[0] + 0.5, 0, 1), atol=1e-5)
@@ -107,8 +102,8 @@ class TestStage:
 
     def test_a_window_of_any_shape_shows_the_whole_image(self, run):
         camera = list_shots(run)[0].view.camera  # 4:3
-        assert window_fov(camera, 2.0) == pytest.approx(vertical_fov(camera))
-        assert np.tan(window_fov(camera, 0.5) / 2) * 0.5 == pytest.approx(camera.width / camera.fx / 2)
+        assert normalise.window_fov(camera, 2.0) == pytest.approx(normalise.vertical_fov(camera))
+        assert np.tan(normalise.window_fov(camera, 0.5) / 2) * 0.5 == pytest.approx(camera.width / camera.fx / 2)
 
 
 class TestServer:
@@ -185,8 +180,7 @@ class TestOrigins:
                 assert b"answers its own pages only" in refusal.value.response.body
             assert "a page of http://evil.example was refused" in caplog.text
             assert first_message(f"http://127.0.0.1:{port}")
-            page = urlopen(f"http://127.0.0.1:{port}")
-            assert b"<html" in page.read()
+            assert b"<html" in urlopen(f"http://127.0.0.1:{port}").read()
 
     def test_a_viser_that_cannot_be_guarded_is_not_used(self, viser):
         with pytest.raises(InputError, match="cannot refuse other pages"), own_pages_only("127.0.0.1"):
@@ -214,19 +208,16 @@ class TestPorts:
 
 
 class TestRuns:
-    def test_a_run_is_opened_by_its_folder(self, run):
+    def test_a_run_is_opened_by_its_folder_and_a_missing_one_refused_with_those_there_are(self, run):
         assert open_run(run.folder, run.data.parent) == run
         assert finished_runs(run.folder.parent) == [run.folder]
-
-    def test_a_missing_run_is_refused_with_those_there_are(self, run):
         with pytest.raises(InputError, match="no such run") as refusal:
             open_run(run.folder.with_name("seed-7"), run.data.parent)
         assert str(run.folder) in str(refusal.value)
 
     @pytest.mark.parametrize("name", ["seed-0", "seed-5", "my favourite"])
     def test_a_run_is_what_its_settings_say_wherever_it_lies(self, run, tmp_path, name):
-        moved = tmp_path / name
-        shutil.copytree(run.folder, moved)
+        moved = Path(shutil.copytree(run.folder, tmp_path / name))
         opened = open_run(moved, run.data.parent)
         assert (opened.folder, opened.method, opened.seed) == (moved, run.method, run.seed)
         assert str(opened) == str(run)
@@ -251,3 +242,41 @@ class TestRuns:
         monkeypatch.setitem(sys.modules, "viser", None)
         with pytest.raises(InputError, match=r"\.\[viewer\]"):
             open_viewer(Path("nowhere"), Path("data"))
+
+
+def held_out(run, gaussians) -> np.ndarray:
+    cameras = [view.camera.resized(96, 72) for view in run.clean_scene().test_views]
+    return np.stack([np.clip(render(gaussians, camera)[0], 0, 1) for camera in cameras]).transpose(0, 3, 1, 2)
+
+
+def test_ply_shows_exactly_what_the_run_shows(run, tmp_path, caplog):
+    export(run.folder, tmp_path / "out.ply", "ply", None)
+    assert "300 Gaussians, degree 1" in caplog.text
+    own = read_ply(run.folder / "splats.ply")
+    assert np.array_equal(held_out(run, read_ply(tmp_path / "out.ply")), held_out(run, own))
+    assert (tmp_path / "out.ply").stat().st_size < (run.folder / "splats.ply").stat().st_size
+
+
+def test_compressed_shows_nearly_what_the_run_shows(run, tmp_path):
+    pytest.importorskip("gsply", reason="needs the extra compression")
+    export(run.folder, tmp_path / "out.ply", "compressed", None)
+    own = read_ply(run.folder / "splats.ply")
+    again = replace(read_compressed_ply(tmp_path / "out.ply"), origin=own.origin)
+    assert psnr(held_out(run, again), held_out(run, own)).min() > 35
+
+
+def test_a_lower_degree_is_kept(run, tmp_path):
+    export(run.folder, tmp_path / "out.ply", "ply", 0)
+    assert read_ply(tmp_path / "out.ply").sh_degree == 0
+    with pytest.raises(InputError, match="--sh-degree 2"):
+        export(run.folder, tmp_path / "other.ply", "ply", 2)
+
+
+def test_what_cannot_be_exported_is_refused(run, tmp_path):
+    with pytest.raises(InputError, match=r"out\.splat"):
+        export(run.folder, tmp_path / "out.splat", "ply", None)
+    with pytest.raises(InputError, match="no such run"):
+        export(tmp_path / "nowhere", tmp_path / "out.ply", "ply", None)
+    grey = finished_run(tmp_path, "Grey")
+    with pytest.raises(InputError, match="no Gaussians"):
+        export(grey.folder, tmp_path / "out.ply", "ply", None)
