@@ -1,17 +1,18 @@
 """What is fetched is what was built: to `verify`, to who opens it, and to the hash in a run's record."""
 
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 from capture_archives import contents
 from servers import serving
-from shared_data_set import built_in
+from shared_data_set import built_in, facts_of
 
 from hydroviews.captures.download.archives import BadArchive
 from hydroviews.dataset.card.card import LOSSES
 from hydroviews.dataset.checks.verify import verify
-from hydroviews.dataset.manifest import data_hash, forget_scene, read_manifest, record_scene
+from hydroviews.dataset.manifest import data_hash, forget_scene, record_scene
 from hydroviews.dataset.sharing import archive as archive_module
 from hydroviews.dataset.sharing.fetch import fetch
 from hydroviews.dataset.sharing.pack import pack
@@ -54,14 +55,14 @@ def test_variants_fetched_one_by_one_are_the_scene_that_was_built(shared, tmp_pa
     for path in shared.paths.values():
         fetch(str(path), data)
     assert verify(data, every_view=True) == []
-    built, fetched = contents(shared.built), contents(data / "yard")
     assert left_by_others(data / "yard") == []
+    built, fetched = contents(shared.built), contents(data / "yard")
     only_fetched = {"licence/licence.json"} & (fetched.keys() - built.keys())
     assert fetched.keys() - only_fetched == {name for name in built if "/." not in f"/{name}"}
     differing = {name for name in fetched.keys() & built.keys() if fetched[name] != built[name]}
     assert differing <= {"request.json"}  # which names no local path any more
-    again = [path for path, _ in pack(data, tmp_path / "again")]
-    assert {path.name: path.read_bytes() for path in again} == {p.name: p.read_bytes() for p in shared.paths.values()}
+    again = {path.name: path.read_bytes() for path, _ in pack(data, tmp_path / "again")}
+    assert again == {path.name: path.read_bytes() for path in shared.paths.values()}
     assert len(again) == 3
 
 
@@ -118,24 +119,19 @@ def test_an_interrupted_unpacking_goes_on(shared, tmp_path, monkeypatch, stop):
 
 @pytest.mark.parametrize("stop", ["write_card", "enter_scene", "link_shared"])
 def test_an_interruption_after_unpacking_is_made_good(shared, tmp_path, monkeypatch, stop):
-    def interrupt(*_):
-        raise KeyboardInterrupt
-
     for path in (shared.streaks, shared.paths["storm-1"]):
         with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-            patch.setattr(f"hydroviews.dataset.sharing.fetch.{stop}", interrupt)
+            patch.setattr(f"hydroviews.dataset.sharing.fetch.{stop}", Mock(side_effect=KeyboardInterrupt))
             fetch(str(path), tmp_path / "data")
         fetch(str(path), tmp_path / "data")
         assert verify(tmp_path / "data") == []
 
 
-def test_a_later_call_goes_on_with_a_download(shared, tmp_path, monkeypatch):
-    content = shared.streaks.read_bytes()
-    with serving({"/a.zip": content}, cut_after=[50_000, 0, 0, 0]) as server:
+def test_a_later_call_goes_on_with_a_download(shared, tmp_path):
+    with serving({"/a.zip": shared.streaks.read_bytes()}, cut_after=[50_000, 0, 0, 0]) as server:
         with pytest.raises(InputError, match="no server delivers it"):
             fetch(f"{server.address}/a.zip", tmp_path / "data")
         server.asked.clear()
-        server.cut_after.clear()
         fetch(f"{server.address}/a.zip", tmp_path / "data")
         assert server.asked == [("/a.zip", "bytes=50000-")]
     assert verify(tmp_path / "data") == []
@@ -145,14 +141,14 @@ def test_a_download_that_is_no_archive_of_ours_is_not_kept_for_the_next_call(sha
     content, data = shared.streaks.read_bytes(), tmp_path / "data"
     damaged = bytearray(content)
     damaged[len(content) // 2] ^= 1
-    with serving({"/a.zip": content, "/page.zip": b"<html>"}) as server:
-        with pytest.raises(InputError, match=r"wrong checksum .* as the address says"):
-            fetch(f"{server.address}/a.zip#sha256={'0' * 64}", data)
-        with pytest.raises(InputError, match="a page of text"):
-            fetch(f"{server.address}/page.zip", data)
-        server.files["/b.zip"] = bytes(damaged)
-        with pytest.raises(BadArchive, match="not what the manifest says"):
-            fetch(f"{server.address}/b.zip", data)
+    with serving({"/a.zip": content, "/page.zip": b"<html>", "/b.zip": bytes(damaged)}) as server:
+        for name, error, fault in (
+            (f"a.zip#sha256={'0' * 64}", InputError, r"wrong checksum .* as the address says"),
+            ("page.zip", InputError, "a page of text"),
+            ("b.zip", BadArchive, "not what the manifest says"),
+        ):
+            with pytest.raises(error, match=fault):
+                fetch(f"{server.address}/{name}", data)
         assert visible(data) == []
         server.files["/b.zip"] = content
         fetch(f"{server.address}/b.zip", data)
@@ -163,8 +159,7 @@ def test_layers_alone_make_the_rainy_views_where_the_clean_ones_are(tmp_path):
     """Somebody else with the same capture gets the very same variant; what the owner measured is not part of it."""
     built = built_in(tmp_path / "mine", says=None)
     (built / LOSSES).write_text("pattern,grade,track,clean,rainy,loss,seeds\nstorm-1,medium,given-poses,30,28,2,0\n")
-    entry = read_manifest(built.parent)["scenes"]["yard"]
-    record_scene(built.parent, "yard", {key: value for key, value in entry.items() if key != "files"})
+    record_scene(built.parent, "yard", facts_of(built))
     [(path, _)] = pack(built, tmp_path / "out", patterns=["streak-1"], layers_only=True)
     theirs = built_in(tmp_path / "theirs", patterns=("storm-1",), says=None)
     fetch(str(path), theirs.parent)
