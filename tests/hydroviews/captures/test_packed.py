@@ -1,10 +1,11 @@
 """Captures in the package: what is unpacked is what was rendered, and rendering again gives about the same."""
 
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
-from damage import files
+from damage import damage, files
 from kept_blender import needs_blender
 
 from hydroviews.__main__ import download_command
@@ -54,12 +55,17 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 
 @pytest.fixture
-def packed(tmp_path):
-    """A rendered capture and the folder of its archive."""
-    capture = rendered(tmp_path / "rendered" / "yard", np.random.default_rng(0))
+def archives(tmp_path):
+    """The folder of the archive of a rendered capture."""
     (tmp_path / "archives").mkdir()
-    pack(capture, tmp_path / "archives")
-    return capture, tmp_path / "archives"
+    pack(rendered(tmp_path / "rendered" / "yard", np.random.default_rng(0)), tmp_path / "archives")
+    return tmp_path / "archives"
+
+
+@pytest.fixture
+def whole(archives):
+    """What is in the archive."""
+    return contents(archives.parent / "rendered" / "yard")
 
 
 def test_depth_comes_back_bit_by_bit():
@@ -69,73 +75,58 @@ def test_depth_comes_back_bit_by_bit():
         assert decode(encode(depth), depth.shape).tobytes() == depth.tobytes()
 
 
-def test_a_capture_is_unpacked_as_it_was_rendered_and_what_is_there_is_kept(packed, tmp_path):
-    capture, archives = packed
+def test_a_capture_is_unpacked_as_it_was_rendered_and_what_is_there_is_kept(archives, whole, tmp_path):
     folder = tmp_path / "data" / "yard"
     assert unpack(folder, VERSION, archives)
-    assert contents(folder) == contents(capture)
+    assert contents(folder) == whole
     assert read_json(folder / UNPACKED)["licence"] == "Apache-2.0"
     for name in ("cameras.json", "images/001.png", "depth/002.exr"):
         (folder / name).unlink()
     kept = (folder / "images/000.png").stat().st_mtime_ns
     assert unpack(folder, VERSION, archives)
-    assert contents(folder) == contents(capture)
+    assert contents(folder) == whole
     assert (folder / "images/000.png").stat().st_mtime_ns == kept
 
 
-def test_what_another_renderer_left_is_replaced_and_files_of_others_stay(packed, tmp_path):
-    capture, archives = packed
+def test_what_another_renderer_left_is_replaced_and_files_of_others_stay(archives, whole, tmp_path):
     folder = rendered(tmp_path / "data" / "yard", np.random.default_rng(1))
     write_json(folder / "request.json", {"version": VERSION - 1})
     (folder / "images" / "mine.png").write_bytes(b"a picture")
     assert unpack(folder, VERSION, archives)
-    found = contents(folder)
-    assert found.pop("images/mine.png") == b"a picture"
-    assert found == contents(capture)
+    assert contents(folder) == {**whole, "images/mine.png": b"a picture"}
 
 
-def test_a_damaged_archive_is_refused(packed, tmp_path):
-    archive = packed[1] / "yard.zip"
-    content = bytearray(archive.read_bytes())
-    content[len(content) // 2] ^= 1
-    archive.write_bytes(content)
+def test_a_damaged_archive_is_refused(archives, tmp_path):
+    damage(archives / "yard.zip")
     with pytest.raises(InputError, match=r"yard\.zip: damaged[\s\S]*SHA256SUMS[\s\S]*install HydroViews again"):
-        unpack(tmp_path / "data" / "yard", VERSION, packed[1])
+        unpack(tmp_path / "data" / "yard", VERSION, archives)
     assert not (tmp_path / "data").exists()
 
 
-class Asked(Exception):
-    """Blender was asked for something."""
-
-
 @pytest.fixture
-def found(monkeypatch, tmp_path):
-    """Finds the courtyard as the demo does, or at another size; Blender must not be asked for anything."""
-
-    def refuse(module, request, log, label):
-        raise Asked(request["scene"])
-
-    monkeypatch.setattr(captures, "run_blender", refuse)
+def find(monkeypatch, tmp_path):
+    """Finds the courtyard as the demo does, or at another size; to ask Blender for anything is an error."""
+    monkeypatch.setattr(captures, "run_blender", Mock(side_effect=RuntimeError("asked")))
     demo = find_profile("demo")
     return lambda size=demo.long_side, **how: find_capture("courtyard", tmp_path, demo.embedded_views, size, **how)
 
 
-def test_the_first_scene_needs_no_rendering(found, tmp_path):
+def test_the_first_scene_needs_no_rendering(find, tmp_path):
     for _ in range(2):  # unpacked, and kept
-        scene = found()
+        scene = find()
     assert (len(scene.views), len(scene.points.positions)) == (40, 16000)
     assert {read_image(view.path).shape for view in scene.views[::20]} == {(240, 320, 3)}
     assert max(path.name for path in (tmp_path / SHIPPED / "depth").glob("*.exr")) == "039.exr"
-    with pytest.raises(Asked):  # another size is not in the package
-        found(64)
+    with pytest.raises(RuntimeError, match="asked"):  # another size is not in the package
+        find(64)
 
 
-def test_it_is_rendered_if_asked_for(found, tmp_path):
+def test_it_is_rendered_if_asked_for(find, tmp_path):
     for _ in range(2):
-        with pytest.raises(Asked):
-            found(render=True)
+        with pytest.raises(RuntimeError, match="asked"):
+            find(render=True)
         assert not list((tmp_path / SHIPPED / "images").glob("*.png"))
-        found()
+        find()
     with pytest.raises(InputError, match="SCENE=fox: not rendered here"):
         find_capture("fox", tmp_path, 40, 320, render=True)
 

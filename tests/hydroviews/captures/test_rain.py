@@ -1,5 +1,6 @@
 import re
 import shutil
+from unittest.mock import Mock
 
 import numpy as np
 import pycolmap
@@ -17,8 +18,7 @@ from hydroviews.scene.images import read_image, resize_area, write_png
 @pytest.fixture
 def features(tmp_path):
     """The database of features of three photographs in streaks, and one of something else; and their names."""
-    walk = [image for _, image in flower_walk()]
-    pictures = [rained_on(walk[i], i) for i in (0, 1, 2)]
+    pictures = [rained_on(image, i) for i, (_, image) in enumerate(flower_walk()[:3])]
     pictures.append(np.random.default_rng(0).random(pictures[0].shape).astype(np.float32))
     names = [f"{i}.png" for i in range(4)]
     for name, picture in zip(names, pictures, strict=True):
@@ -88,12 +88,11 @@ def test_where_there_are_no_drops_nothing_is_left_out(walk, tmp_path, caplog):
     folder, names = walk
     matching.register(tmp_path / "plain.db", folder, names, "SIMPLE_PINHOLE", shared=True)
     matching.extract(tmp_path / "plain.db", folder, names, "SIMPLE_PINHOLE")
-    with caplog.at_level("INFO"):
-        found = detect(folder, names, tmp_path / "d.db")
+    found, plain = detect(folder, names, tmp_path / "d.db"), read_features(tmp_path / "plain.db", names)
     assert re.search(r"\b0 of \d{3,} features stay", caplog.text)
-    for one, plain in zip(found, read_features(tmp_path / "plain.db", names), strict=True):
-        np.testing.assert_array_equal(one.keypoints, plain.keypoints)
-        np.testing.assert_array_equal(one.descriptors, plain.descriptors)
+    for one, other in zip(found, plain, strict=True):
+        np.testing.assert_array_equal(one.keypoints, other.keypoints)
+        np.testing.assert_array_equal(one.descriptors, other.descriptors)
 
 
 def test_what_stays_in_one_place_of_the_lens_is_left_out(walk, tmp_path):
@@ -132,18 +131,13 @@ def test_features_are_those_of_enhanced_photographs(walk, tmp_path):
 
 
 def test_rainy_photographs_with_enhanced_ones_get_cameras(walk, tmp_path):
-    calls = []
-
-    def enhance(image):
-        calls.append(1)
-        return image
-
+    enhance = Mock(side_effect=lambda image: image)
     scene = estimate_poses(walk[0], tmp_path, rainy=True, enhance=enhance, features="sift")
-    assert len(scene.views) == len(calls) == 4
-    left = {path.name for path in tmp_path.iterdir() if not path.name.startswith(".")}
+    assert len(scene.views) == enhance.call_count == 4
+    left = {path.name for path in tmp_path.glob("[!.]*")}
     assert left == {"images", "sparse", "database.db", "pairs.txt", "poses.json"}
     estimate_poses(walk[0], tmp_path, rainy=True, enhance=enhance)
-    assert len(calls) == 4
+    assert enhance.call_count == 4
     with pytest.raises(InputError, match=r"estimated otherwise\n.*enhanced"):
         estimate_poses(walk[0], tmp_path, rainy=True)
 

@@ -90,16 +90,15 @@ def test_full_disk_then_resume(scene, tmp_path, monkeypatch):
 
 
 def test_views_of_other_parameters_are_not_mixed_in(scene, tmp_path, monkeypatch):
-    finished = contents(build(scene, tmp_path / "data", patterns=[Pattern("streak", 1)]) / "streak-1")
-    begin(scene, tmp_path / "data", monkeypatch)
-    begun = list((tmp_path / "data" / "yard" / "streak-0" / "images").iterdir())
-    assert 0 < len(begun) < len(scene.views)
+    data = tmp_path / "data"
+    finished = contents(build(scene, data, patterns=[Pattern("streak", 1)]) / "streak-1")
+    begin(scene, data, monkeypatch)
+    assert 0 < len(list((data / "yard" / "streak-0" / "images").iterdir())) < len(scene.views)
     monkeypatch.setitem(severity.LOSS, "light", 0.2)
-    folder = build(scene, tmp_path / "data", patterns=[STREAK])
-    whole = build(scene, tmp_path / "whole", patterns=[STREAK])
+    folder, whole = (build(scene, out, patterns=[STREAK]) for out in (data, tmp_path / "whole"))
     assert contents(folder / "streak-0") == contents(whole / "streak-0")
     assert contents(folder / "streak-1") == finished  # what was finished stays as it was
-    assert verify(tmp_path / "data", every_view=True) == []
+    assert verify(data, every_view=True) == []
 
 
 def test_a_finished_scene_is_repaired_whatever_it_lost(scene, tmp_path):
@@ -193,19 +192,19 @@ def test_what_an_interrupted_build_drew_with_other_code_is_not_mixed_in(scene, t
 
 
 def test_an_effect_of_ones_own_that_changed_is_another_generator(scene, tmp_path, monkeypatch, caplog):
-    ash = Pattern("toy_effect.Ash", 0)
-    folder = build(scene, tmp_path / "data", patterns=[ash, STREAK])
+    ash, data = Pattern("toy_effect.Ash", 0), tmp_path / "data"
+    folder = build(scene, data, patterns=[ash, STREAK])
     finished = contents(folder / "streak-0")
     code = drawing_code(find_effect(ash.effect))
     assert code != drawing_code() == drawing_code(find_effect("streak"))
     monkeypatch.setattr("hydroviews.dataset.drawing_code.syntax_digest", lambda source: "another")
-    build(scene, tmp_path / "data", patterns=[ash])
+    build(scene, data, patterns=[ash])
     assert "toy_effect.Ash-0: drawn by another generator, kept" in caplog.text
-    build(scene, tmp_path / "data", patterns=[ash], overwrite=True)
+    build(scene, data, patterns=[ash], overwrite=True)
     changed = read_json(folder / ash.name / "pattern.json")["drawing_code"]
     assert changed == drawing_code(find_effect(ash.effect)) != code
     assert contents(folder / "streak-0") == finished
-    assert verify(tmp_path / "data") == []
+    assert verify(data) == []
 
 
 def test_a_capture_is_never_built_over(scene, tmp_path):
@@ -228,9 +227,9 @@ def test_water_on_the_lens_is_made_ready_for_every_focal_length(scene, tmp_path,
             return dict.fromkeys("MVRGB", np.zeros(clean.shape[:2], np.float32))
 
     prepared, views = [], []
-    for i, view in enumerate(scene.views):
-        factor, camera = (1.0, 1.01, 1.6)[i % 3], view.camera
-        views.append(replace(view, camera=replace(camera, fx=factor * camera.fx, fy=factor * camera.fy)))
+    for view, factor in zip(scene.views, 3 * [1.0, 1.01, 1.6], strict=True):
+        camera = replace(view.camera, fx=factor * view.camera.fx, fy=factor * view.camera.fy)
+        views.append(replace(view, camera=camera))
     monkeypatch.setattr(Raindrops, "prepare", lambda self, *facts: Dry(*facts))
     build(make_scene("yard", views, scene.points), tmp_path / "data", patterns=[Pattern("raindrop", 0)])
     assert 2 <= len({one.folder for one in prepared}) == len(prepared) <= 3  # 1 and 1.01 may lie on two sides of a step

@@ -198,5 +198,5 @@ def test_a_scene_captured_in_rain_gets_none(tmp_path):
     folder = build_source("church", **settings, all_patterns=True)
     assert folder.name == "waterdrops_church"
     assert sorted(p.name for p in folder.iterdir() if p.is_dir()) == [CAPTURED, "sparse"]
-    with pytest.raises(InputError, match="taken in rain"):
+    with pytest.raises(InputError, match="taken in rain, and streak-1 is not added to that"):
         build_source("church", **settings, patterns=["streak-1"])

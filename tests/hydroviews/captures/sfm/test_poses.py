@@ -5,8 +5,8 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
+from unittest.mock import Mock
 
 import cv2
 import numpy as np
@@ -161,8 +161,6 @@ def test_interrupted_mapping_goes_on_from_a_snapshot(estimated, flower, tmp_path
     shutil.rmtree(tmp_path / "sparse")  # features and matches are there
 
     def interrupted(call):
-        if call.func is not pycolmap.incremental_mapping:
-            return call(cancellation_token=pycolmap.CancellationToken())
         token, registered = pycolmap.CancellationToken(), []
 
         def register():
@@ -170,15 +168,14 @@ def test_interrupted_mapping_goes_on_from_a_snapshot(estimated, flower, tmp_path
             if len(registered) == 6:
                 token.cancel()
 
-        return partial(call, next_image_callback=register)(cancellation_token=token)
+        options = {"next_image_callback": register} if call.func is pycolmap.incremental_mapping else {}
+        return call(cancellation_token=token, **options)
 
     monkeypatch.setattr(mapping, "SNAPSHOT_EVERY", 2)
-    with monkeypatch.context() as patch:
+    with monkeypatch.context() as patch, pytest.raises(InterruptedError):
         patch.setattr(matching, "interruptible", interrupted)
-        with pytest.raises(InterruptedError):
-            estimate_poses(flower, tmp_path)
-    snapshots = sorted((tmp_path / mapping.MAPPING / "snapshots").iterdir())
-    assert len(snapshots) >= 2
+        estimate_poses(flower, tmp_path)
+    assert len(list((tmp_path / mapping.MAPPING / "snapshots").iterdir())) >= 2
     scene = estimate_poses(flower, tmp_path)
     assert len(scene.views) == 9
     assert not (tmp_path / mapping.MAPPING).exists()
@@ -240,14 +237,11 @@ def test_a_copy_that_is_cut_short_is_made_again(tmp_path, monkeypatch):
     photograph, folder = tmp_path / "photographs" / "a.png", tmp_path / "images"
     write_png(photograph, np.zeros((8, 8, 3), np.float32))
 
-    def no_links(*_):
-        raise OSError("no links here")
-
     def cut_short(source, target):
         Path(target).write_bytes(source.read_bytes()[:20])
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(Path, "symlink_to", no_links)
+    monkeypatch.setattr(Path, "symlink_to", Mock(side_effect=OSError("no links here")))
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
         patch.setattr(shutil, "copy2", cut_short)
         link_photographs({"a.png": photograph}, folder, turned=False)
@@ -364,18 +358,13 @@ def test_impossible_focal_lengths_are_recognised(focal, plausible):
 
 def test_a_capture_in_rain_says_so(tmp_path, monkeypatch):
     """Its photographs are not taken for clean views by the build that the command recommends; it is enhanced."""
-    enhanced = []
-
-    def estimate(images, out, rainy, enhance, features):
-        enhanced.append(enhance)
-        return capture_in(out)
-
+    estimate = Mock(side_effect=lambda images, out, **_: capture_in(out))
     monkeypatch.setattr("hydroviews.__main__.estimate_poses", estimate)
-    for rainy in (False, True):
+    for rainy, enhance in ((False, None), (True, find_enhancer())):
         out = tmp_path / f"capture-{rainy}"
         poses_command(tmp_path / "walk", out, rainy=rainy)
         assert captured_rainy(out) == rainy
-    assert enhanced == [None, find_enhancer()]
+        assert estimate.call_args.kwargs["enhance"] == enhance
 
 
 def test_enhancement_that_nobody_registered(monkeypatch):

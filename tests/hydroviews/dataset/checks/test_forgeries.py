@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -192,11 +193,9 @@ def test_an_odd_model_is_told(built, name, content):
 
 
 def test_what_was_not_drawn_again_is_said(built, monkeypatch, caplog):
-    def bakes(self, camera, folder):
-        raise NoBlender("Blender's Python module bpy is not installed", fix="install it")
-
+    no_blender = NoBlender("Blender's Python module bpy is not installed", fix="install it")
     with monkeypatch.context() as without:
-        without.setattr(Streaks, "prepare", bakes)
+        without.setattr(Streaks, "prepare", Mock(side_effect=no_blender))
         assert told(built) == ""
     assert "streak-1: layers were not drawn again: Blender's Python module bpy is not installed\n" in caplog.text
     edit_manifest(built, lambda entry: entry.pop("capture"))

@@ -25,11 +25,6 @@ from hydroviews.rain.patterns import PATTERN_FILE
 ROOT = Path(__file__).parents[4]
 
 
-@pytest.fixture(scope="module")
-def built(tmp_path_factory):
-    return built_in(tmp_path_factory.mktemp("shared"))
-
-
 @pytest.fixture
 def silent(tmp_path):
     """A scene whose capture states no licence."""
