@@ -8,6 +8,7 @@ from pathlib import Path
 from synthetic import written_capture
 
 from hydroviews.dataset.build import build
+from hydroviews.dataset.manifest import read_manifest
 from hydroviews.formats.read import read_scene
 from hydroviews.profiles import find_profile
 from hydroviews.rain.patterns import Pattern
@@ -42,3 +43,9 @@ def member(name: str, mode: int = stat.S_IFREG | 0o644) -> zipfile.ZipInfo:
     info = zipfile.ZipInfo("x")
     info.filename, info.external_attr = name, mode << 16
     return info
+
+
+def facts_of(built: Path) -> dict:
+    """What the manifest says of the scene beside the hashes of its files."""
+    entry = read_manifest(built.parent)["scenes"][built.name]
+    return {key: value for key, value in entry.items() if key != "files"}

@@ -56,12 +56,12 @@ def test_a_capture_is_found_in_every_usual_folder(tmp_path, folder):
 
 def test_the_papers_suite_is_the_papers_table():
     suite = read_suite("paper")
-    by_effect = {
-        effect: {scene.rpartition("/")[2] for scene, effects in suite.scenes.items() if effect in effects}
+    window, streaks = (
+        {scene.rpartition("/")[2] for scene, effects in suite.scenes.items() if effect in effects}
         for effect in ("window", "streak")
-    }
-    streaks = {"bicycle", "garden", "kitchen", "stump", "horse", "train", "truck"}
-    assert by_effect == {"window": MIPNERF360, "streak": streaks}
+    )
+    assert window == MIPNERF360
+    assert streaks == {"bicycle", "garden", "kitchen", "stump", "horse", "train", "truck"}
     assert suite.patterns == (0, 1, 2)
 
 
@@ -82,10 +82,7 @@ def test_no_scene_is_for_development_and_for_the_test():
     ("content", "message"),
     [
         *((content, "not a suite") for content in ("scenes = 3", "[scenes]", "title = 'x'", "[scene]\ngarden = []")),
-        *(
-            (f"[scenes]\ngarden = {effects}", "effects of garden")
-            for effects in ("['hail']", "'streak'", "[['streak']]")
-        ),
+        *((f"[scenes]\ngarden = {odd}", "effects of garden") for odd in ("['hail']", "'streak'", "[['streak']]")),
         ("patterns = []\n[scenes]\ngarden = ['streak']", "patterns"),
         ("patterns = ['streak-0']\n[scenes]\ngarden = []", "patterns"),
         ("[scenes", "not valid TOML"),

@@ -1,6 +1,5 @@
 """Photographs as phones store them: pixels as the sensor lay, a tag for the turn, a focal length."""
 
-import logging
 import struct
 import zlib
 
@@ -17,37 +16,34 @@ ORIENTATION, EXIF, FOCAL_35 = 0x0112, 0x8769, 0xA405
 TURNS = {1: 0, 8: 1, 3: 2, 6: 3}  # quarter turns counter-clockwise to upright
 
 
-def test_a_photograph_too_large_to_turn(tmp_path):
-    photograph(tmp_path / "large.jpg", tag=6)
-    content = (tmp_path / "large.jpg").read_bytes()
-    frame = content.index(b"\xff\xc0")  # its header: length, bits, height, width
-    (tmp_path / "large.jpg").write_bytes(content[: frame + 5] + b"\xff\xff\xff\xff" + content[frame + 9 :])
-    assert orientation(tmp_path / "large.jpg") == 1
-    with pytest.raises(InputError, match="too large"):
-        write_upright(tmp_path / "large.jpg", tmp_path / "upright.jpg")
-
-
-def photograph(path, size=(64, 48), tag=None, focal=26, seed=0):
-    """A JPEG with a texture that is brightest in its upper left corner as it is stored."""
-    rng = np.random.default_rng(seed)
-    pixels = cv2.resize(rng.integers(0, 120, (12, 16, 3), np.uint8), size, interpolation=cv2.INTER_CUBIC)
-    pixels[: size[1] // 3, : size[0] // 3] = 250
+def photograph(path, tag=None):
+    """A JPEG with a texture that is brightest in its upper left corner as it is stored, and a focal length."""
+    pixels = np.random.default_rng(0).integers(0, 120, (12, 16, 3), np.uint8)
+    pixels = cv2.resize(pixels, (64, 48), interpolation=cv2.INTER_CUBIC)
+    pixels[:16, :21] = 250
     exif = PIL.Image.Exif()
     if tag:
         exif[ORIENTATION] = tag
-    if focal:
-        exif.get_ifd(EXIF)[FOCAL_35] = focal
-    path.parent.mkdir(parents=True, exist_ok=True)
+    exif.get_ifd(EXIF)[FOCAL_35] = 26
     PIL.Image.fromarray(pixels).save(path, quality=95, exif=exif)
     return path
 
 
+def test_a_photograph_too_large_to_turn(tmp_path):
+    large = photograph(tmp_path / "large.jpg", tag=6)
+    content = large.read_bytes()
+    frame = content.index(b"\xff\xc0")  # its header: length, bits, height, width
+    large.write_bytes(content[: frame + 5] + b"\xff\xff\xff\xff" + content[frame + 9 :])
+    assert orientation(large) == 1
+    with pytest.raises(InputError, match="too large"):
+        write_upright(large, tmp_path / "upright.jpg")
+
+
 @pytest.mark.parametrize("tag", TURNS)
 def test_a_photograph_is_turned_and_keeps_its_focal_length(tmp_path, tag):
-    source = photograph(tmp_path / "a.jpg", tag=tag)
+    source, target = photograph(tmp_path / "a.jpg", tag=tag), tmp_path / "upright" / "a.jpg"
     assert orientation(source) == tag
-    write_upright(source, tmp_path / "upright" / "a.jpg")
-    target = tmp_path / "upright" / "a.jpg"
+    write_upright(source, target)
     assert orientation(target) == 1
     expected = np.rot90(read_image(source), TURNS[tag])
     assert image_size(target) == expected.shape[1::-1]
@@ -57,7 +53,6 @@ def test_a_photograph_is_turned_and_keeps_its_focal_length(tmp_path, tag):
 
 
 def test_all_are_turned_or_none(tmp_path, caplog):
-    caplog.set_level(logging.INFO)
     upright, portrait = photograph(tmp_path / "a.jpg"), photograph(tmp_path / "b.jpg", tag=6)
     write_png(tmp_path / "c.png", np.zeros((4, 4, 3), np.float32))
     (tmp_path / "d.jpg").write_bytes(b"no picture")
@@ -71,13 +66,13 @@ def test_all_are_turned_or_none(tmp_path, caplog):
 
 def test_tiff_files_are_turned_or_refused(tmp_path):
     """Their pixels are read upright here, and as they are stored by COLMAP: the cameras would be of other pictures."""
-    for name, tag in (("a", 6), ("b", 6), ("c", 1), ("d", 3)):
-        PIL.Image.fromarray(np.zeros((6, 8, 3), np.uint8)).save(tmp_path / f"{name}.tif", tiffinfo={ORIENTATION: tag})
-    turned, upright = [tmp_path / "a.tif", tmp_path / "b.tif"], [tmp_path / "c.tif"]
-    assert common_turn(turned)
-    assert not common_turn(upright)
+    paths = [tmp_path / f"{name}.tif" for name in "abcd"]
+    for path, tag in zip(paths, (6, 6, 1, 3), strict=True):
+        PIL.Image.fromarray(np.zeros((6, 8, 3), np.uint8)).save(path, tiffinfo={ORIENTATION: tag})
+    assert common_turn(paths[:2])
+    assert not common_turn(paths[2:3])
     with pytest.raises(InputError, match=r"a\.tif, b\.tif, d\.tif with an Orientation tag"):
-        common_turn([*turned, *upright, tmp_path / "d.tif"])
+        common_turn(paths)
 
 
 @pytest.mark.parametrize("tag", TURNS)

@@ -1,10 +1,11 @@
 """Captures in the package: what is unpacked is what was rendered, and rendering again gives about the same."""
 
-import json
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from damage import damage, files
 from kept_blender import needs_blender
 
 from hydroviews.__main__ import download_command
@@ -36,109 +37,96 @@ def planes_and_sky(rng) -> np.ndarray:
     return depth.astype(np.float32)
 
 
-def rendered(folder: Path, rng, n: int = 3) -> Path:
+def rendered(folder: Path, rng) -> Path:
     """A capture as rendering leaves it, with made-up pixels."""
-    views = [{"name": f"{i:03d}", "width": 32, "height": 24} for i in range(n)]
+    views = [{"name": f"{i:03d}", "width": 32, "height": 24} for i in range(3)]
     for view, depth in zip(views, planes_and_sky(rng), strict=True):
         write_png(folder / "images" / f"{view['name']}.png", rng.integers(0, 256, (24, 32, 3), np.uint8))
         write_depth(folder / "depth" / f"{view['name']}.exr", depth)
-    request = {"version": VERSION, "scene": "courtyard", "seed": 0}
     np.savez_compressed(folder / "points.npz", positions=rng.normal(size=(9, 3)))
+    request = {"version": VERSION, "scene": "courtyard", "seed": 0}
     write_json(folder / "request.json", request)
     write_json(folder / "cameras.json", {"request": request, "views": views})
     return folder
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    files = [path for path in folder.rglob("*") if path.is_file() and not path.name.startswith(".")]
-    return {str(path.relative_to(folder)): path.read_bytes() for path in files if path.name != UNPACKED}
+    return {name: content for name, content in files(folder).items() if name != UNPACKED}
 
 
 @pytest.fixture
-def rng():
-    return np.random.default_rng(0)
-
-
-@pytest.fixture
-def packed(tmp_path, rng):
-    """A rendered capture and the folder of its archive."""
-    capture = rendered(tmp_path / "rendered" / "yard", rng)
+def archives(tmp_path):
+    """The folder of the archive of a rendered capture."""
     (tmp_path / "archives").mkdir()
-    pack(capture, tmp_path / "archives")
-    return capture, tmp_path / "archives"
+    pack(rendered(tmp_path / "rendered" / "yard", np.random.default_rng(0)), tmp_path / "archives")
+    return tmp_path / "archives"
 
 
-def test_depth_comes_back_bit_by_bit(rng):
+@pytest.fixture
+def whole(archives):
+    """What is in the archive."""
+    return contents(archives.parent / "rendered" / "yard")
+
+
+def test_depth_comes_back_bit_by_bit():
+    rng = np.random.default_rng(0)
     any_bits = rng.integers(0, 2**32, (2, 7, 5), np.uint32).view(np.float32)  # negative, denormal, not a number
     for depth in (planes_and_sky(rng), any_bits, any_bits[:, :1], np.full((1, 3, 2), np.inf, np.float32)):
         assert decode(encode(depth), depth.shape).tobytes() == depth.tobytes()
 
 
-def test_a_capture_is_unpacked_as_it_was_rendered_and_what_is_there_is_kept(packed, tmp_path):
-    capture, archives = packed
+def test_a_capture_is_unpacked_as_it_was_rendered_and_what_is_there_is_kept(archives, whole, tmp_path):
     folder = tmp_path / "data" / "yard"
     assert unpack(folder, VERSION, archives)
-    assert contents(folder) == contents(capture)
+    assert contents(folder) == whole
     assert read_json(folder / UNPACKED)["licence"] == "Apache-2.0"
     for name in ("cameras.json", "images/001.png", "depth/002.exr"):
         (folder / name).unlink()
     kept = (folder / "images/000.png").stat().st_mtime_ns
     assert unpack(folder, VERSION, archives)
-    assert contents(folder) == contents(capture)
+    assert contents(folder) == whole
     assert (folder / "images/000.png").stat().st_mtime_ns == kept
 
 
-def test_what_another_renderer_left_is_replaced_and_files_of_others_stay(packed, tmp_path):
-    capture, archives = packed
+def test_what_another_renderer_left_is_replaced_and_files_of_others_stay(archives, whole, tmp_path):
     folder = rendered(tmp_path / "data" / "yard", np.random.default_rng(1))
     write_json(folder / "request.json", {"version": VERSION - 1})
     (folder / "images" / "mine.png").write_bytes(b"a picture")
     assert unpack(folder, VERSION, archives)
-    found = contents(folder)
-    assert found.pop("images/mine.png") == b"a picture"
-    assert found == contents(capture)
+    assert contents(folder) == {**whole, "images/mine.png": b"a picture"}
 
 
-def test_a_damaged_archive_is_refused(packed, tmp_path):
-    _, archives = packed
-    content = bytearray((archives / "yard.zip").read_bytes())
-    content[len(content) // 2] ^= 1
-    (archives / "yard.zip").write_bytes(content)
+def test_a_damaged_archive_is_refused(archives, tmp_path):
+    damage(archives / "yard.zip")
     with pytest.raises(InputError, match=r"yard\.zip: damaged[\s\S]*SHA256SUMS[\s\S]*install HydroViews again"):
         unpack(tmp_path / "data" / "yard", VERSION, archives)
     assert not (tmp_path / "data").exists()
 
 
-class Asked(Exception):
-    """Blender was asked for something."""
-
-
 @pytest.fixture
-def no_blender(monkeypatch):
-    def refuse(module, request, log, label):
-        raise Asked(request["scene"])
-
-    monkeypatch.setattr(captures, "run_blender", refuse)
-
-
-def test_the_first_scene_needs_no_rendering(no_blender, tmp_path):
+def find(monkeypatch, tmp_path):
+    """Finds the courtyard as the demo does, or at another size; to ask Blender for anything is an error."""
+    monkeypatch.setattr(captures, "run_blender", Mock(side_effect=RuntimeError("asked")))
     demo = find_profile("demo")
+    return lambda size=demo.long_side, **how: find_capture("courtyard", tmp_path, demo.embedded_views, size, **how)
+
+
+def test_the_first_scene_needs_no_rendering(find, tmp_path):
     for _ in range(2):  # unpacked, and kept
-        scene = find_capture("courtyard", tmp_path, demo.embedded_views, demo.long_side)
+        scene = find()
     assert (len(scene.views), len(scene.points.positions)) == (40, 16000)
     assert {read_image(view.path).shape for view in scene.views[::20]} == {(240, 320, 3)}
     assert max(path.name for path in (tmp_path / SHIPPED / "depth").glob("*.exr")) == "039.exr"
-    with pytest.raises(Asked):  # another size is not in the package
-        find_capture("courtyard", tmp_path, demo.embedded_views, 64)
+    with pytest.raises(RuntimeError, match="asked"):  # another size is not in the package
+        find(64)
 
 
-def test_it_is_rendered_if_asked_for(no_blender, tmp_path):
-    demo = find_profile("demo")
+def test_it_is_rendered_if_asked_for(find, tmp_path):
     for _ in range(2):
-        with pytest.raises(Asked):
-            find_capture("courtyard", tmp_path, demo.embedded_views, demo.long_side, render=True)
+        with pytest.raises(RuntimeError, match="asked"):
+            find(render=True)
         assert not list((tmp_path / SHIPPED / "images").glob("*.png"))
-        find_capture("courtyard", tmp_path, demo.embedded_views, demo.long_side)
+        find()
     with pytest.raises(InputError, match="SCENE=fox: not rendered here"):
         find_capture("fox", tmp_path, 40, 320, render=True)
 
@@ -154,19 +142,18 @@ def test_the_files_of_the_package_are_small_and_hashed():
 @needs_blender
 def test_rendering_again_gives_about_what_is_packed(kept_blender, tmp_path):
     """One view at a quarter of the size: within a few grey levels of the packed one, far closer than its neighbour."""
-    unpack(tmp_path / SHIPPED, VERSION)
-    view = json.loads((tmp_path / SHIPPED / "cameras.json").read_text())["views"][17]
-    size = {name: view[name] // SMALLER for name in ("width", "height")}
-    small = {**view, **size, **{name: view[name] / SMALLER for name in ("fx", "fy", "cx", "cy")}}
-    fresh = tmp_path / "fresh"
+    shipped, fresh = tmp_path / SHIPPED, tmp_path / "fresh"
+    unpack(shipped, VERSION)
+    view = read_json(shipped / "cameras.json")["views"][17]
+    small = {**view, **{name: view[name] // SMALLER for name in ("width", "height")}}
+    small |= {name: view[name] / SMALLER for name in ("fx", "fy", "cx", "cy")}
     request = {"scene": "courtyard", "folder": str(fresh), "seed": 0, "views": [small]}
     kept_blender("render_views", request, tmp_path / "log", "test")
-    ours = read_image(fresh / "images/017.png")
-    depth = stored_depth(fresh / "depth/017.exr")
-    scene = read_embedded("courtyard", tmp_path / SHIPPED)
-    errors = {i: np.abs(ours - resize_area(scene.views[i].image(), 80, 60)).mean() for i in (17, 18)}
+    ours, views = read_image(fresh / "images/017.png"), read_embedded("courtyard", shipped).views
+    errors = {i: np.abs(ours - resize_area(views[i].image(), 80, 60)).mean() for i in (17, 18)}
     assert errors[17] < 0.04 < 0.1 < errors[18]
-    packed = stored_depth(tmp_path / SHIPPED / "depth/017.exr")[2::SMALLER, 2::SMALLER]
+    depth = stored_depth(fresh / "depth/017.exr")
+    packed = stored_depth(shipped / "depth/017.exr")[2::SMALLER, 2::SMALLER]
     both = np.isfinite(depth) & np.isfinite(packed)
     assert both.mean() > 0.7
     assert np.median(np.abs(depth[both] / packed[both] - 1)) < 0.01

@@ -4,6 +4,7 @@ import numpy as np
 import PIL.Image
 import pytest
 from painted_room import hits, paint, picture
+from scipy.spatial.transform import Rotation
 
 from hydroviews.__main__ import poses_command
 from hydroviews.captures.panoramas import is_panorama, perspective
@@ -31,9 +32,8 @@ def panorama(height=256, centre=CENTRE):
 
 @pytest.mark.parametrize("angle", [0, 60, 180, 300])
 def test_what_is_cut_is_what_a_perspective_camera_would_see(angle):
-    a = np.radians(angle)
     pose = np.eye(4)
-    pose[:3, :3] = [[np.cos(a), 0, -np.sin(a)], [0, 1, 0], [np.sin(a), 0, np.cos(a)]]
+    pose[:3, :3] = Rotation.from_euler("y", -angle, degrees=True).as_matrix()
     pose[:3, 3] = -pose[:3, :3] @ CENTRE
     found = perspective(panorama(), angle)
     exact = picture(Camera(128, 128, 64, 64, 64, 64, pose))
@@ -60,18 +60,15 @@ def test_cameras_are_estimated_for_what_is_cut_and_refused_where_that_is_asked_f
     (tmp_path / "walk").mkdir()
     for i, name in enumerate(("R0.jpg", "R1.JPG", "R2.JPG")):
         save(tmp_path / "walk" / name, panorama(64, CENTRE + np.array([0.2 * i, 0, 0])), xmp=XMP)
-    registered = []
-
-    def stop(database, pictures, names, *_, **__):
-        registered.append((names, [PIL.Image.open(pictures / name).size for name in names]))
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("hydroviews.captures.sfm.matching.register", stop)
     refused = r"panoramas, which no perspective camera takes[\s\S]*R0\.jpg, R1\.JPG, R2\.JPG"
     with pytest.raises(InputError, match=refused):
         poses_command(tmp_path / "walk", tmp_path / "refused", panoramas="refuse")
+
+    def stop(database, pictures, names, *_, **__):
+        assert names == [f"R{i}_{angle:03d}.jpg" for i in range(3) for angle in range(0, 360, 60)]
+        assert {PIL.Image.open(pictures / name).size for name in names} == {(32, 32)}
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("hydroviews.captures.sfm.matching.register", stop)
     with pytest.raises(KeyboardInterrupt):
         estimate_poses(tmp_path / "walk", tmp_path / "out")
-    ((names, sizes),) = registered
-    assert names == [f"R{i}_{angle:03d}.jpg" for i in range(3) for angle in range(0, 360, 60)]
-    assert set(sizes) == {(32, 32)}

@@ -1,6 +1,5 @@
 """What the `poses` command says of a folder of photographs before it estimates cameras."""
 
-import logging
 import os
 import shutil
 from types import SimpleNamespace
@@ -42,8 +41,7 @@ def test_photographs_that_are_left_out_are_counted(tmp_path, caplog):
     walk = pictures(tmp_path / "walk", "a.png", "b.png", "c.png")
     for name in ("d.HEIC", "e.heic", "f.jfif", "._d.HEIC"):
         (walk / name).write_bytes(b"")
-    with caplog.at_level(logging.WARNING):
-        check_photographs(walk, tmp_path / "out")
+    check_photographs(walk, tmp_path / "out")
     assert "2 .heic, 1 .jfif, which are not read: convert them to .png or .jpg" in caplog.text
 
 
@@ -56,15 +54,15 @@ def test_no_links_among_the_photographs(tmp_path, names):
     check_photographs(pictures(tmp_path / "plain" / "images", "0.png"), tmp_path / "plain")
 
 
-@pytest.mark.parametrize("command", ["estimate_poses", "capture_video"])
-def test_two_commands_for_one_capture_wait_for_each_other(tmp_path, monkeypatch, command):
+@pytest.mark.parametrize(("command", "work"), [(poses_command, "estimate_poses"), (video_command, "capture_video")])
+def test_two_commands_for_one_capture_wait_for_each_other(tmp_path, monkeypatch, command, work):
     def look(path, out, *_, **__):
         with locked_if_free(out) as free:
             raise InputError("free" if free else "locked")
 
-    monkeypatch.setattr(f"hydroviews.__main__.{command}", look)
+    monkeypatch.setattr(f"hydroviews.__main__.{work}", look)
     with pytest.raises(InputError, match="locked"):
-        {"estimate_poses": poses_command, "capture_video": video_command}[command](tmp_path / "walk", tmp_path / "out")
+        command(tmp_path / "walk", tmp_path / "out")
 
 
 def test_a_disk_without_room_is_refused_before_work_begins(tmp_path, monkeypatch):
@@ -100,6 +98,6 @@ def test_photographs_without_a_camera_are_named(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("hydroviews.__main__.estimate_poses", lambda *given, **named: scene)
     poses_command(pictures(tmp_path / "walk", "a.png"), tmp_path / "out")
     assert "without a camera, and left out: black.png, blurred.png\n" in capsys.readouterr().out
-    (images / "black.png").unlink()
-    (images / "blurred.png").unlink()
+    for name in ("black.png", "blurred.png"):
+        (images / name).unlink()
     assert camera_notes(scene, images) == []

@@ -1,4 +1,6 @@
 import re
+import shutil
+from unittest.mock import Mock
 
 import numpy as np
 import pycolmap
@@ -16,8 +18,7 @@ from hydroviews.scene.images import read_image, resize_area, write_png
 @pytest.fixture
 def features(tmp_path):
     """The database of features of three photographs in streaks, and one of something else; and their names."""
-    walk = [image for _, image in flower_walk()]
-    pictures = [rained_on(walk[i], i) for i in (0, 1, 2)]
+    pictures = [rained_on(image, i) for i, (_, image) in enumerate(flower_walk()[:3])]
     pictures.append(np.random.default_rng(0).random(pictures[0].shape).astype(np.float32))
     names = [f"{i}.png" for i in range(4)]
     for name, picture in zip(names, pictures, strict=True):
@@ -27,24 +28,25 @@ def features(tmp_path):
     return tmp_path / "d.db", names
 
 
-def verified(database, names, one=0, other=1):
-    """Verified matches between two of the photographs, as indices of their features."""
-    with pycolmap.Database.open(database) as opened:
-        ids = [opened.read_image_with_name(names[i]).image_id for i in (one, other)]
-        return opened.read_two_view_geometry(*ids).inlier_matches
-
-
 PAIRS = [(0, 1), (0, 2), (1, 2), (0, 3)]
+
+
+def verified(database, names):
+    """Verified matches of PAIRS, as indices of their features."""
+    with pycolmap.Database.open(database) as opened:
+        ids = [opened.read_image_with_name(name).image_id for name in names]
+        return {(i, j): opened.read_two_view_geometry(ids[i], ids[j]).inlier_matches for i, j in PAIRS}
 
 
 def test_guided_matching_of_pairs_that_share_something_goes_on_after_an_interruption(features, monkeypatch):
     database, names = features
+    done = database.with_name("d.db.guided")
     monkeypatch.setattr(matching, "PAIRS_AT_ONCE", 1)
-    whole = database.with_name("whole.db")
-    whole.write_bytes(database.read_bytes())
-    rain.match(whole, names, PAIRS, 0, 2.0)
-    assert len(verified(whole, names, 0, 3)) == 0  # they share nothing, and are not matched again
-    assert (whole.parent / "whole.db.guided").read_text() == "0.png 1.png\n0.png 2.png\n1.png 2.png\n"
+    shutil.copy(database, database.with_name("whole.db"))
+    rain.match(database.with_name("whole.db"), names, PAIRS, 0, 2.0)
+    whole = verified(database.with_name("whole.db"), names)
+    assert len(whole[0, 3]) == 0  # they share nothing, and are not matched again
+    assert database.with_name("whole.db.guided").read_text() == "0.png 1.png\n0.png 2.png\n1.png 2.png\n"
 
     forget, calls = rain._forget, []
 
@@ -57,13 +59,13 @@ def test_guided_matching_of_pairs_that_share_something_goes_on_after_an_interrup
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
         patch.setattr(rain, "_forget", stop_at_the_second)
         rain.match(database, names, PAIRS, 0, 2.0)
-    assert len(verified(database, names, 0, 2)) == 0
+    assert len(verified(database, names)[0, 2]) == 0
     rain.match(database, names, PAIRS, 0, 2.0)
-    for one, other in PAIRS:
-        np.testing.assert_array_equal(verified(database, names, one, other), verified(whole, names, one, other))
-    done = (database.parent / "d.db.guided").read_text()
+    for pair, matches in verified(database, names).items():
+        np.testing.assert_array_equal(matches, whole[pair])
+    before = done.read_text()
     rain.match(database, names, PAIRS, 0, 2.0)
-    assert (database.parent / "d.db.guided").read_text() == done
+    assert done.read_text() == before
 
 
 @pytest.fixture(scope="module")
@@ -86,30 +88,26 @@ def test_where_there_are_no_drops_nothing_is_left_out(walk, tmp_path, caplog):
     folder, names = walk
     matching.register(tmp_path / "plain.db", folder, names, "SIMPLE_PINHOLE", shared=True)
     matching.extract(tmp_path / "plain.db", folder, names, "SIMPLE_PINHOLE")
-    with caplog.at_level("INFO"):
-        found = detect(folder, names, tmp_path / "d.db")
+    found, plain = detect(folder, names, tmp_path / "d.db"), read_features(tmp_path / "plain.db", names)
     assert re.search(r"\b0 of \d{3,} features stay", caplog.text)
-    for one, plain in zip(found, read_features(tmp_path / "plain.db", names), strict=True):
-        np.testing.assert_array_equal(one.keypoints, plain.keypoints)
-        np.testing.assert_array_equal(one.descriptors, plain.descriptors)
+    for one, other in zip(found, plain, strict=True):
+        np.testing.assert_array_equal(one.keypoints, other.keypoints)
+        np.testing.assert_array_equal(one.descriptors, other.descriptors)
 
 
 def test_what_stays_in_one_place_of_the_lens_is_left_out(walk, tmp_path):
     folder, names = walk
     pattern = np.random.default_rng(0).random((30, 40, 3)).astype(np.float32).repeat(6, 0).repeat(6, 1)
-    lens = np.zeros((180, 240, 1), bool)
+    lens = np.zeros((180, 240), bool)
     lens[20:80, 30:100] = lens[90:150, 120:220] = True
     for name in names:
-        write_png(tmp_path / "wet" / name, np.where(lens, pattern, read_image(folder / name)))
-    for name, one in zip(names, detect(tmp_path / "wet", names, tmp_path / "d.db"), strict=True):
-        places = one.keypoints[:, :2].astype(int)
-        inside = lens[places[:, 1], places[:, 0], 0]
-        dry = read_features(tmp_path / "d.db.detected", [name])[0]
-        there = dry.keypoints[:, :2].astype(int)
-        before = lens[there[:, 1], there[:, 0], 0]
+        write_png(tmp_path / "wet" / name, np.where(lens[..., None], pattern, read_image(folder / name)))
+    left = detect(tmp_path / "wet", names, tmp_path / "d.db")
+    for found in zip(left, read_features(tmp_path / "d.db.detected", names), strict=True):
+        after, before = (lens[tuple(one.keypoints[:, 1::-1].astype(int).T)] for one in found)
         assert before.sum() > 50
-        assert inside.sum() < 0.3 * before.sum()
-        assert (~inside).sum() > 0.9 * (~before).sum()
+        assert after.sum() < 0.3 * before.sum()
+        assert (~after).sum() > 0.9 * (~before).sum()
 
 
 def test_features_that_are_all_on_the_lens_are_an_error(walk, tmp_path):
@@ -133,18 +131,13 @@ def test_features_are_those_of_enhanced_photographs(walk, tmp_path):
 
 
 def test_rainy_photographs_with_enhanced_ones_get_cameras(walk, tmp_path):
-    calls = []
-
-    def enhance(image):
-        calls.append(1)
-        return image
-
+    enhance = Mock(side_effect=lambda image: image)
     scene = estimate_poses(walk[0], tmp_path, rainy=True, enhance=enhance, features="sift")
-    assert len(scene.views) == len(calls) == 4
-    left = {path.name for path in tmp_path.iterdir() if not path.name.startswith(".")}
+    assert len(scene.views) == enhance.call_count == 4
+    left = {path.name for path in tmp_path.glob("[!.]*")}
     assert left == {"images", "sparse", "database.db", "pairs.txt", "poses.json"}
     estimate_poses(walk[0], tmp_path, rainy=True, enhance=enhance)
-    assert len(calls) == 4
+    assert enhance.call_count == 4
     with pytest.raises(InputError, match=r"estimated otherwise\n.*enhanced"):
         estimate_poses(walk[0], tmp_path, rainy=True)
 
@@ -157,15 +150,6 @@ def drawn(random, count):
     return Features(places, random.integers(0, 255, (count, 128), np.uint8))
 
 
-def together(one, other):
-    both = (np.concatenate(pair) for pair in ((one.keypoints, other.keypoints), (one.descriptors, other.descriptors)))
-    return Features(*both)
-
-
-def moved(features, pixels):
-    return Features(features.keypoints + np.float32([pixels, 0, 0, 0]), features.descriptors)
-
-
 def test_the_same_place_needs_a_like_descriptor():
     places = drawn(np.random.default_rng(1), 50).keypoints
     views = [Features(places, np.eye(50, 128, i, dtype=np.uint8) * 255) for i in range(6)]
@@ -176,11 +160,11 @@ def test_the_same_place_needs_a_like_descriptor():
     ("count", "wet", "left"), [(LEAST, LEAST, False), (LEAST + 1, LEAST + 1, True), (40, 8, False), (40, 9, True)]
 )
 def test_a_share_of_the_views_is_needed_and_no_fewer_than_three(count, wet, left):
-    """A drop drifts by up to 1.5 pixels; the others are somewhere else in every view."""
+    """A drop, the first of six features, drifts by up to 1.5 pixels; the others are elsewhere in every view."""
     random = np.random.default_rng(2)
-    drop = drawn(random, 1)
-    views = [together(moved(drop, 1.5 * i / count), drawn(random, 5)) for i in range(wet)]
-    views += [drawn(random, 6) for _ in range(count - wet)]
+    drop, views = drawn(random, 1), [drawn(random, 6) for _ in range(count)]
+    for i, view in enumerate(views[:wet]):
+        view.keypoints[0], view.descriptors[0] = drop.keypoints[0] + [1.5 * i / count, 0, 0, 0], drop.descriptors[0]
     for mask in on_the_lens(views, RADIUS)[:wet]:
         assert mask.tolist() == [left, *[False] * 5]
 

@@ -27,59 +27,58 @@ def test_pictures_are_turned_as_viewers_do(tag):
     assert np.array_equal(turned(PIXELS, tag), np.asarray(PIL.ImageOps.exif_transpose(image)))
 
 
-@pytest.mark.parametrize("suffix", [".jpg", ".png", ".tif", ".webp"])
-def test_a_picture_on_its_side_is_read_upright(tmp_path, suffix):
-    options = {"lossless": True} if suffix == ".webp" else {"quality": 98, "subsampling": 0} if suffix == ".jpg" else {}
-    PIL.Image.fromarray(np.rot90(PIXELS)).save(tmp_path / f"a{suffix}", exif=exif_of(6), **options)
-    found = read_upright(tmp_path / f"a{suffix}").image
+JPEG = {"quality": 98, "subsampling": 0}
+
+
+@pytest.mark.parametrize(
+    ("suffix", "options", "error"),
+    [("jpg", JPEG, 0.03), ("png", {}, 1e-6), ("tif", {}, 1e-6), ("webp", {"lossless": True}, 1e-6)],
+)
+def test_a_picture_on_its_side_is_read_upright(tmp_path, suffix, options, error):
+    PIL.Image.fromarray(np.rot90(PIXELS)).save(tmp_path / f"a.{suffix}", exif=exif_of(6), **options)
+    found = read_upright(tmp_path / f"a.{suffix}").image
     assert found.shape == PIXELS.shape
-    assert np.abs(found - PIXELS / 255).mean() < (0.03 if suffix == ".jpg" else 1e-6)
+    assert np.abs(found - PIXELS / 255).mean() < error
 
 
-@pytest.mark.parametrize("scale", [1, 257])
-def test_alpha_and_the_colours_below_it_are_kept(tmp_path, scale):
+@pytest.mark.parametrize(("kind", "scale"), [(np.uint8, 1), (np.uint16, 257)])
+def test_alpha_and_the_colours_below_it_are_kept(tmp_path, kind, scale):
     alpha = np.zeros((24, 32), np.uint8)
     alpha[4:, 6:] = 200
-    pixels = np.dstack([PIXELS[..., ::-1], alpha]).astype(np.uint16 if scale > 1 else np.uint8) * scale
-    cv2.imwrite(str(tmp_path / "a.png"), pixels.astype(np.uint16 if scale > 1 else np.uint8))
+    cv2.imwrite(str(tmp_path / "a.png"), np.dstack([PIXELS[..., ::-1], alpha]).astype(kind) * kind(scale))
     found = read_upright(tmp_path / "a.png")
     assert np.abs(found.image - PIXELS / 255).max() < 1e-6
     assert np.array_equal(found.alpha, alpha)
-    assert found.bits == (16 if scale > 1 else 8)
+    assert found.bits == 8 * kind().itemsize
 
 
 @pytest.fixture
 def enhanced(tmp_path, monkeypatch):
-    """Enhances a folder of pictures by a network that leaves them as they are."""
+    """Enhances the folder `in` by a network that leaves pictures as they are."""
     monkeypatch.setattr(commands, "load_enhancer", lambda _: type("Enhancer", (), {"reason": "", "network": None}))
     monkeypatch.setattr(commands, "enhance", lambda image, *_, **__: image)
-
-    def run(pictures=tmp_path / "in", out=tmp_path / "out"):
-        commands.enhance_command(pictures, out, apart=True)
-        return out
-
     (tmp_path / "in").mkdir()
-    return run
+    return lambda out: commands.enhance_command(tmp_path / "in", out, apart=True)
 
 
 def test_enhanced_pictures_stand_upright_and_keep_their_alpha(enhanced, tmp_path, capsys):
-    PIL.Image.fromarray(np.rot90(PIXELS)).save(tmp_path / "in/a.jpg", exif=exif_of(6), quality=98, subsampling=0)
+    PIL.Image.fromarray(np.rot90(PIXELS)).save(tmp_path / "in/a.jpg", exif=exif_of(6), **JPEG)
     alpha = np.zeros((24, 32), np.uint8)
     alpha[4:, 6:] = 255
     PIL.Image.fromarray(np.dstack([PIXELS, alpha])).save(tmp_path / "in/b.png")
     cv2.imwrite(str(tmp_path / "in/c.png"), PIXELS.astype(np.uint16) * 257)
-    out = enhanced()
-    assert np.abs(read_image(out / "a.png") - PIXELS / 255).mean() < 0.03
-    assert np.array_equal(np.asarray(PIL.Image.open(out / "b.png")), np.dstack([PIXELS, alpha]))
+    enhanced(tmp_path / "out")
+    assert np.abs(read_image(tmp_path / "out/a.png") - PIXELS / 255).mean() < 0.03
+    assert np.array_equal(np.asarray(PIL.Image.open(tmp_path / "out/b.png")), np.dstack([PIXELS, alpha]))
     assert "c.png: 16 bits a channel" in capsys.readouterr().out
 
 
 def test_pictures_of_the_users_are_not_written_over_by_enhanced_ones(enhanced, tmp_path):
     PIL.Image.fromarray(PIXELS).save(tmp_path / "in/a.png")
-    enhanced()
-    enhanced()  # what it wrote itself, it writes anew
+    for _ in range(2):  # what it wrote itself, it writes anew
+        enhanced(tmp_path / "out")
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine/a.png").write_bytes(b"the user's")
     with pytest.raises(InputError, match=r"mine/a\.png: not written by HydroViews"):
-        enhanced(out=tmp_path / "mine")
+        enhanced(tmp_path / "mine")
     assert (tmp_path / "mine/a.png").read_bytes() == b"the user's"

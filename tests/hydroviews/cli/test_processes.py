@@ -22,7 +22,6 @@ REPOSITORY = Path(__file__).parents[3]
 COMMAND = """
 import sys, time
 from pathlib import Path
-from hydroviews.cli import commands
 from hydroviews.cli.commands import run_command
 def main(begun: Path) -> None:
     begun.write_text(" ".join(sys.argv[1:]))
@@ -31,9 +30,12 @@ run_command(main, prog="waiting")
 """
 
 
-def ran(code, **options):
-    command = [sys.executable, "-c", code]
-    return subprocess.run(command, capture_output=True, text=True, check=False, **options)
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(REPOSITORY)}
+
+
+def ran(*command, **options):
+    options = {"env": ENVIRONMENT, "capture_output": True, "text": True, "check": False, **options}
+    return subprocess.run([sys.executable, *command], **options)
 
 
 def as_in_a_terminal():
@@ -44,15 +46,10 @@ def as_in_a_terminal():
 
 def waiting(folder, code):
     """A process of a command that has begun."""
-    begun = folder / "begun"
-    process = subprocess.Popen(
-        [sys.executable, "-c", code, "--begun", str(begun)],
-        env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
-        stderr=subprocess.PIPE,
-        text=True,
-        preexec_fn=as_in_a_terminal,
-    )
-    wait_until(begun.exists, process)
+    command = [sys.executable, "-c", code, "--begun", str(folder / "begun")]
+    options = {"env": ENVIRONMENT, "stderr": subprocess.PIPE, "text": True, "preexec_fn": as_in_a_terminal}
+    process = subprocess.Popen(command, **options)
+    wait_until((folder / "begun").exists, process)
     return process
 
 
@@ -65,12 +62,9 @@ def test_who_is_asked_to_end_says_in_one_line_how_to_go_on(tmp_path, number, sta
     assert process.returncode == status
 
 
-ENDS_SLOWLY = COMMAND.replace("run_command(main", "import atexit; atexit.register(time.sleep, 3)\nrun_command(main")
-
-
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_a_second_signal_while_it_ends_changes_nothing(tmp_path, number, status):
-    process = waiting(tmp_path, ENDS_SLOWLY)
+    process = waiting(tmp_path, "import atexit, time; atexit.register(time.sleep, 3)" + COMMAND)
     process.send_signal(number)
     assert process.stderr.readline() == "\n"
     assert process.stderr.readline().endswith("the same command goes on from here\n")
@@ -79,22 +73,15 @@ def test_a_second_signal_while_it_ends_changes_nothing(tmp_path, number, status)
     assert (process.returncode, errors) == (status, "")
 
 
-PROGRAMS = [
-    "hydroviews",
-    "leaderboard",
-    "deraings.enhancement",
-    "baselines.derain_nerf.raindrop_attention",
-    "benchmarks.busy_machine",
-    "benchmarks",
-]
+PROGRAMS = ("hydroviews", "leaderboard", "deraings.enhancement", "baselines.derain_nerf.raindrop_attention")
+BENCHMARKS = ("benchmarks.busy_machine", "benchmarks")
 
 
-@pytest.mark.parametrize("package", PROGRAMS)
+@pytest.mark.parametrize("package", [*PROGRAMS, *BENCHMARKS])
 def test_who_is_asked_to_end_while_it_imports_says_so_as_well(tmp_path, package):
     (tmp_path / "tyro.py").write_text("import signal\nsignal.raise_signal(signal.SIGTERM)\n")  # what all import first
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), str(REPOSITORY)])}
-    command = [sys.executable, "-m", package, "--help"]
-    process = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=False)
+    path = os.pathsep.join([str(tmp_path), str(REPOSITORY)])
+    process = ran("-m", package, "--help", env={**os.environ, "PYTHONPATH": path}, cwd=tmp_path)
     assert process.stderr == "\nended by SIGTERM; the same command goes on from here\n"
     assert process.returncode == 143
 
@@ -103,15 +90,15 @@ def test_opencv_keeps_its_words_on_damaged_pictures_to_itself(tmp_path):
     picture = np.random.default_rng(0).integers(0, 256, (64, 64, 3)).astype(np.uint8)
     (tmp_path / "cut.tif").write_bytes(cv2.imencode(".tif", picture)[1].tobytes()[:9000])
     code = "from hydroviews.cli.starting import begin; begin(); import cv2; assert cv2.imread('cut.tif', -1) is None"
-    process = ran(code, cwd=tmp_path)
+    process = ran("-c", code, cwd=tmp_path)
     assert (process.returncode, process.stderr) == (0, "")
 
 
 @pytest.mark.parametrize(("given", "spins"), [({}, {SPINS, SPINS_IF_BUSY}), ({"GOMP_SPINCOUNT": "7"}, {"7"})])
 def test_threads_that_wait_soon_sleep_unless_the_user_has_them_wait_otherwise(given, spins):
     code = "from hydroviews.cli.starting import begin; begin(); import os; print(os.environ['GOMP_SPINCOUNT'])"
-    inherited = {name: value for name, value in os.environ.items() if name != "GOMP_SPINCOUNT"}
-    assert ran(code, env=inherited | given, cwd=REPOSITORY).stdout.strip() in spins
+    inherited = {name: value for name, value in ENVIRONMENT.items() if name != "GOMP_SPINCOUNT"}
+    assert ran("-c", code, env=inherited | given).stdout.strip() in spins
 
 
 @pytest.mark.parametrize(("running", "cores", "busy"), [(1, 2, False), (2, 2, True), (2, 16, False), (9, 16, True)])
@@ -125,9 +112,9 @@ def test_a_machine_is_busy_where_others_run_on_half_of_its_cores_now(tmp_path, r
 
 
 def test_what_a_plugin_reads_of_the_command_line_is_empty(monkeypatch):
-    found = []
     monkeypatch.setattr(commands, "end_when_asked", lambda: None)  # the handlers of this process stay
     monkeypatch.setattr(sys, "argv", ["program", "--size", "3"])
+    found = []
 
     def main(size: int) -> None:
         found.append((size, sys.argv[1:]))
@@ -182,8 +169,7 @@ def test_a_family_in_a_family_is_ended_with_it(monkeypatch):
 
 
 def test_a_worker_that_is_ended_prints_no_stack_trace():
-    code = "import signal, hydroviews.scene.lenses; signal.raise_signal(signal.SIGTERM)"
-    process = ran(code, env={**os.environ, "PYTHONPATH": str(REPOSITORY)})
+    process = ran("-c", "import signal, hydroviews.scene.lenses; signal.raise_signal(signal.SIGTERM)")
     assert (process.returncode, process.stdout, process.stderr) == (-signal.SIGTERM, "", "")
 
 

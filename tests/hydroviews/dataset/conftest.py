@@ -3,11 +3,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from synthetic import capture_in
+from synthetic import written_capture
 
 from hydroviews.dataset.build import build
 from hydroviews.formats.read import read_scene
-from hydroviews.formats.writers import write_colmap
 from hydroviews.rain.patterns import Pattern
 from hydroviews.scene.masks import mask_name, write_ignored
 
@@ -16,8 +15,7 @@ from hydroviews.scene.masks import mask_name, write_ignored
 def finished(tmp_path_factory) -> Path:
     """The folder of a capture that has a mask, `capture/yard`, and of its scene in streaks and a storm, `data/yard`."""
     folder = tmp_path_factory.mktemp("finished")
-    capture = folder / "capture" / "yard"
-    write_colmap(capture_in(capture), capture / "sparse" / "0")
+    capture = written_capture(folder / "capture" / "yard")
     write_ignored(capture / "masks" / mask_name("view-03.png"), np.eye(36, 48, dtype=bool))
     build(read_scene(capture), folder / "data", patterns=[Pattern("streak", 1), Pattern("storm", 1)])
     return folder

@@ -19,7 +19,7 @@ from hydroviews.dataset.manifest import data_hash, read_manifest
 from hydroviews.dataset.rainy_variant import FOCAL_STEP
 from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.errors import InputError
-from hydroviews.files.atomic import write_bytes, write_json
+from hydroviews.files.atomic import read_json, write_bytes, write_json
 from hydroviews.formats.read import read_scene
 from hydroviews.formats.writers import write_colmap
 from hydroviews.rain.lens.raindrops import Raindrops
@@ -43,26 +43,23 @@ def test_a_build_holds_what_the_layout_promises(scene, tmp_path):
     names = [view.name for view in scene.views]
     for part, suffix in (("clean", "png"), ("streak-0/images", "png"), ("streak-0/layers", "exr")):
         assert sorted(p.name for p in (folder / part).iterdir()) == [f"{n}.{suffix}" for n in names]
-    facts = json.loads((folder / "streak-0" / "pattern.json").read_text())
+    facts = read_json(folder / "streak-0" / "pattern.json")
     assert facts["seed"] == 3
     assert set(facts["parameters"]) == {"n", "length", "angle", "width", "brightness"}
-    split = json.loads((folder / "split.json").read_text())
-    assert split["test"] == names[::8]
+    assert read_json(folder / "split.json")["test"] == names[::8]
     assert verify(tmp_path / "data", every_view=True) == []
 
 
 def test_a_variant_opens_in_other_software_and_here(scene, tmp_path):
     folder = build(scene, tmp_path / "data", patterns=[STREAK])
     model = pycolmap.Reconstruction(folder / "streak-0" / "sparse" / "0")
-    transforms = json.loads((folder / "streak-0" / "transforms.json").read_text())
-    assert model.num_reg_images() == len(scene.views) == len(transforms["frames"])
-    flip = np.diag([1.0, -1, -1, 1])
-    frames = {Path(f["file_path"]).name: np.array(f["transform_matrix"]) @ flip for f in transforms["frames"]}
-    given = {view.path.name: view.camera for view in scene.views}
+    frames = {Path(f["file_path"]).name: f for f in read_json(folder / "streak-0" / "transforms.json")["frames"]}
+    assert model.num_reg_images() == len(scene.views) == len(frames)
+    given = {view.path.name: view.camera.world_to_camera for view in scene.views}
     for image in model.images.values():
-        pose = given[image.name].world_to_camera
+        pose, opengl = given[image.name], np.array(frames[image.name]["transform_matrix"])
         assert np.allclose(image.cam_from_world().matrix(), pose[:3], atol=1e-9)
-        assert np.allclose(np.linalg.inv(frames[image.name]), pose, atol=1e-9)
+        assert np.allclose(np.linalg.inv(opengl @ np.diag([1.0, -1, -1, 1])), pose, atol=1e-9)
         assert (folder / "streak-0" / "images" / image.name).is_file()
         assert image.camera.model.name == "PINHOLE"
     clean, rainy = open_clean(folder), open_variant(folder, "streak-0")
@@ -73,10 +70,9 @@ def test_a_variant_opens_in_other_software_and_here(scene, tmp_path):
 
 
 def test_rain_follows_from_the_seed_and_is_fresh_in_every_view_and_pattern(scene, tmp_path):
-    patterns = [STREAK, Pattern("streak", 1)]
+    patterns, seeds = [STREAK, Pattern("streak", 1)], {"a": 0, "b": 0, "c": 1}
     first, again, other = (
-        contents(build(scene, tmp_path / out, patterns=patterns, seed=seed))
-        for out, seed in (("a", 0), ("b", 0), ("c", 1))
+        contents(build(scene, tmp_path / out, patterns=patterns, seed=seed)) for out, seed in seeds.items()
     )
     assert first == again
     assert first["streak-0/images/view-00.png"] != other["streak-0/images/view-00.png"]
@@ -94,16 +90,15 @@ def test_full_disk_then_resume(scene, tmp_path, monkeypatch):
 
 
 def test_views_of_other_parameters_are_not_mixed_in(scene, tmp_path, monkeypatch):
-    finished = contents(build(scene, tmp_path / "data", patterns=[Pattern("streak", 1)]) / "streak-1")
-    begin(scene, tmp_path / "data", monkeypatch)
-    begun = list((tmp_path / "data" / "yard" / "streak-0" / "images").iterdir())
-    assert 0 < len(begun) < len(scene.views)
+    data = tmp_path / "data"
+    finished = contents(build(scene, data, patterns=[Pattern("streak", 1)]) / "streak-1")
+    begin(scene, data, monkeypatch)
+    assert 0 < len(list((data / "yard" / "streak-0" / "images").iterdir())) < len(scene.views)
     monkeypatch.setitem(severity.LOSS, "light", 0.2)
-    folder = build(scene, tmp_path / "data", patterns=[STREAK])
-    whole = build(scene, tmp_path / "whole", patterns=[STREAK])
+    folder, whole = (build(scene, out, patterns=[STREAK]) for out in (data, tmp_path / "whole"))
     assert contents(folder / "streak-0") == contents(whole / "streak-0")
     assert contents(folder / "streak-1") == finished  # what was finished stays as it was
-    assert verify(tmp_path / "data", every_view=True) == []
+    assert verify(data, every_view=True) == []
 
 
 def test_a_finished_scene_is_repaired_whatever_it_lost(scene, tmp_path):
@@ -142,14 +137,16 @@ def test_another_request_is_refused_and_overwrite_builds_it(scene, tmp_path):
     folder = build(scene, tmp_path / "data", patterns=[STREAK], long_side=24, overwrite=True)
     assert image_size(folder / "clean" / "view-00.png") == (24, 18)
     assert verify(tmp_path / "data") == []
+    paint(scene.views[0].path)  # another photograph of the same size
+    with pytest.raises(InputError, match="another request"):
+        build(scene, tmp_path / "data", patterns=[STREAK], long_side=24)
 
 
 def test_rain_that_was_begun_and_not_ended_is_not_listed(scene, tmp_path):
-    build(scene, tmp_path, patterns=[Pattern("streak", 0)], long_side=24)
-    begun = tmp_path / scene.name / "streak-2"
+    begun = build(scene, tmp_path, patterns=[STREAK], long_side=24) / "streak-2"
     write_bytes(begun / "pattern.json", b"{}")
     write_bytes(begun / "images" / "view-00.png", b"")
-    build(scene, tmp_path, patterns=[Pattern("streak", 0), Pattern("streak", 1)], long_side=24)
+    build(scene, tmp_path, patterns=[STREAK, Pattern("streak", 1)], long_side=24)
     entry = read_manifest(tmp_path)["scenes"][scene.name]
     assert entry["patterns"] == ["streak-0", "streak-1"]
     assert not [name for name in entry["files"] if name.startswith("streak-2/")]
@@ -167,23 +164,24 @@ def altered(monkeypatch) -> None:
 
 
 def test_a_finished_scene_of_another_generator_is_kept_and_nothing_is_added_to_it(scene, tmp_path, monkeypatch, caplog):
-    folder = build(scene, tmp_path / "data", patterns=[STREAK])
-    assert verify(tmp_path / "data") == []
+    data, more = tmp_path / "data", [STREAK, Pattern("streak", 1)]
+    folder = build(scene, data, patterns=[STREAK])
+    assert verify(data) == []
     assert "another generator" not in caplog.text
     altered(monkeypatch)
-    before = stamps(folder.parent)
-    assert build(scene, tmp_path / "data", patterns=[STREAK]) == folder
+    before = stamps(data)
+    assert build(scene, data, patterns=[STREAK]) == folder
     assert "this scene: drawn by another generator, kept; --overwrite builds anew" in caplog.text
     with pytest.raises(InputError, match=r"this scene: drawn by another generator[\s\S]*another[\s\S]*--overwrite"):
-        build(scene, tmp_path / "data", patterns=[STREAK, Pattern("streak", 1)])
-    assert stamps(folder.parent) == before
+        build(scene, data, patterns=more)
+    assert stamps(data) == before
     caplog.clear()
-    assert verify(tmp_path / "data") == []  # it is what its manifest says
+    assert verify(data) == []  # it is what its manifest says
     assert f"{folder}: this scene: drawn by another generator than this one" in caplog.text
-    build(scene, tmp_path / "data", patterns=[STREAK, Pattern("streak", 1)], overwrite=True)
-    for kept in (folder / "request.json", folder / "streak-1" / "pattern.json"):
-        assert json.loads(kept.read_text())["drawing_code"] == "another"
-    assert read_manifest(tmp_path / "data")["scenes"]["yard"]["drawing_code"] == "another"
+    build(scene, data, patterns=more, overwrite=True)
+    for made in (read_json(folder / "request.json"), read_json(folder / "streak-1" / "pattern.json")):
+        assert made["drawing_code"] == "another"
+    assert read_manifest(data)["scenes"]["yard"]["drawing_code"] == "another"
 
 
 def test_what_an_interrupted_build_drew_with_other_code_is_not_mixed_in(scene, tmp_path, monkeypatch):
@@ -194,19 +192,19 @@ def test_what_an_interrupted_build_drew_with_other_code_is_not_mixed_in(scene, t
 
 
 def test_an_effect_of_ones_own_that_changed_is_another_generator(scene, tmp_path, monkeypatch, caplog):
-    ash = Pattern("toy_effect.Ash", 0)
-    folder = build(scene, tmp_path / "data", patterns=[ash, STREAK])
+    ash, data = Pattern("toy_effect.Ash", 0), tmp_path / "data"
+    folder = build(scene, data, patterns=[ash, STREAK])
     finished = contents(folder / "streak-0")
     code = drawing_code(find_effect(ash.effect))
     assert code != drawing_code() == drawing_code(find_effect("streak"))
     monkeypatch.setattr("hydroviews.dataset.drawing_code.syntax_digest", lambda source: "another")
-    build(scene, tmp_path / "data", patterns=[ash])
+    build(scene, data, patterns=[ash])
     assert "toy_effect.Ash-0: drawn by another generator, kept" in caplog.text
-    build(scene, tmp_path / "data", patterns=[ash], overwrite=True)
-    changed = json.loads((folder / ash.name / "pattern.json").read_text())["drawing_code"]
+    build(scene, data, patterns=[ash], overwrite=True)
+    changed = read_json(folder / ash.name / "pattern.json")["drawing_code"]
     assert changed == drawing_code(find_effect(ash.effect)) != code
     assert contents(folder / "streak-0") == finished
-    assert verify(tmp_path / "data") == []
+    assert verify(data) == []
 
 
 def test_a_capture_is_never_built_over(scene, tmp_path):
@@ -216,13 +214,6 @@ def test_a_capture_is_never_built_over(scene, tmp_path):
         with pytest.raises(InputError, match="the capture itself would be overwritten"):
             build(scene, capture.parent, patterns=[STREAK], overwrite=overwrite)
     assert contents(capture) == before
-
-
-def test_another_photograph_of_the_same_size_is_another_request(scene, tmp_path):
-    build(scene, tmp_path / "data", patterns=[])
-    paint(scene.views[0].path)
-    with pytest.raises(InputError, match="another request"):
-        build(scene, tmp_path / "data", patterns=[])
 
 
 def test_water_on_the_lens_is_made_ready_for_every_focal_length(scene, tmp_path, monkeypatch):
@@ -236,9 +227,9 @@ def test_water_on_the_lens_is_made_ready_for_every_focal_length(scene, tmp_path,
             return dict.fromkeys("MVRGB", np.zeros(clean.shape[:2], np.float32))
 
     prepared, views = [], []
-    for i, view in enumerate(scene.views):
-        factor, camera = (1.0, 1.01, 1.6)[i % 3], view.camera
-        views.append(replace(view, camera=replace(camera, fx=factor * camera.fx, fy=factor * camera.fy)))
+    for view, factor in zip(scene.views, 3 * [1.0, 1.01, 1.6], strict=True):
+        camera = replace(view.camera, fx=factor * view.camera.fx, fy=factor * view.camera.fy)
+        views.append(replace(view, camera=camera))
     monkeypatch.setattr(Raindrops, "prepare", lambda self, *facts: Dry(*facts))
     build(make_scene("yard", views, scene.points), tmp_path / "data", patterns=[Pattern("raindrop", 0)])
     assert 2 <= len({one.folder for one in prepared}) == len(prepared) <= 3  # 1 and 1.01 may lie on two sides of a step
@@ -249,8 +240,8 @@ def test_views_of_one_size_are_not_wiped_by_those_of_another(scene, tmp_path):
     views = [replace(v, camera=v.camera.resized(*((48, 36), (40, 30))[i % 2])) for i, v in enumerate(scene.views)]
     two_sizes, ash = make_scene("yard", views, scene.points), Pattern("toy_effect.AshBySize", 0)
     folder = build(two_sizes, tmp_path / "data", patterns=[ash])
-    names = [f"{view.name}.png" for view in views]
-    assert sorted(path.name for path in (folder / ash.name / "images").iterdir()) == names
+    images = sorted(path.name for path in (folder / ash.name / "images").iterdir())
+    assert images == [f"{view.name}.png" for view in views]
     assert verify(tmp_path / "data", every_view=True) == []
 
 
@@ -276,20 +267,19 @@ def test_a_wrong_licence_is_told_before_anything_is_built(scene, tmp_path):
 
 
 def test_what_a_capture_says_of_itself_belongs_to_the_request(scene, tmp_path):
-    capture = tmp_path / "capture" / "yard"
+    capture, storm = tmp_path / "capture" / "yard", [Pattern("storm", 0)]
     write_colmap(replace(scene, points=no_points()), capture / "sparse" / "0")
-    storm = [Pattern("storm", 0)]
     with pytest.raises(InputError, match=r"how large the scene is[\s\S]*capture\.json"):
         build(read_scene(capture), tmp_path / "data", patterns=storm)
-    (capture / "capture.json").write_text('{"metres_per_unit": 0.5}')
+    write_json(capture / "capture.json", {"metres_per_unit": 0.5})
     folder = build(read_scene(capture), tmp_path / "data", patterns=storm)  # nothing was finished of it before
-    parameters = json.loads((folder / "storm-0" / "pattern.json").read_text())["parameters"]
+    parameters = read_json(folder / "storm-0" / "pattern.json")["parameters"]
     assert (parameters["metres_per_unit"], parameters["metres_estimated"]) == (0.5, False)
-    (capture / "capture.json").write_text('{"rain": "captured"}')
+    write_json(capture / "capture.json", {"rain": "captured"})
     with pytest.raises(InputError, match=r"another request: yard has changed: .*or capture\.json\n"):
         build(read_scene(capture), tmp_path / "data", patterns=[])
-    for odd in ("0", "-1", "true", '"2"'):
-        (capture / "capture.json").write_text(f'{{"metres_per_unit": {odd}}}')
+    for odd in (0, -1, True, "2"):
+        write_json(capture / "capture.json", {"metres_per_unit": odd})
         with pytest.raises(InputError, match=r"capture\.json: metres_per_unit"):
             read_scene(capture)
 
@@ -304,14 +294,13 @@ for turn in range(100):
 
 
 def test_scenes_that_are_recorded_at_the_same_time_all_stand_in_the_manifest(tmp_path):
-    names = ["a", "b", "c"]
-    for name in names:
+    for name in "abc":
         (tmp_path / name).mkdir()
     command = [sys.executable, "-c", RECORD_OFTEN, str(tmp_path)]
-    processes = [subprocess.Popen([*command, name], stderr=subprocess.DEVNULL) for name in names]
+    processes = [subprocess.Popen([*command, name], stderr=subprocess.DEVNULL) for name in "abc"]
     assert [process.wait(60) for process in processes] == [0, 0, 0]
     scenes = read_manifest(tmp_path)["scenes"]
-    assert {name: scenes[name]["turn"] for name in scenes} == dict.fromkeys(names, 99)
+    assert {name: scene["turn"] for name, scene in scenes.items()} == dict.fromkeys("abc", 99)
 
 
 def test_an_unfinished_scene_does_not_verify(scene, tmp_path):
@@ -343,7 +332,7 @@ def test_the_hash_of_data_is_of_all_that_a_run_is_trained_and_scored_on(tmp_path
 
 def test_the_technique_of_drops_is_part_of_the_request_and_of_the_card(scene, tmp_path):
     folder = build(scene, tmp_path, patterns=[], lens_renderer="aperture")
-    assert json.loads((folder / "request.json").read_text())["lens_renderer"] == "aperture"
+    assert read_json(folder / "request.json")["lens_renderer"] == "aperture"
     assert "--lens-renderer aperture" in (folder / "README.md").read_text()
     with pytest.raises(InputError, match="lens_renderer disk"):
         build(scene, tmp_path, patterns=[])

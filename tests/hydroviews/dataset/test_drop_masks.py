@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from distorted import colmap_capture
 from paired import wet
-from synthetic import capture_in
+from synthetic import written_capture
 
 from hydroviews.dataset.checks.verify import verify
 from hydroviews.dataset.manifest import data_hash, record_files
@@ -12,9 +12,8 @@ from hydroviews.dataset.sources import build_source
 from hydroviews.errors import InputError
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.formats.read import read_scene
-from hydroviews.formats.writers import write_colmap
 from hydroviews.profiles import find_profile
-from hydroviews.scene.images import read_image, write_png
+from hydroviews.scene.images import write_png
 from hydroviews.scene.masks import read_grey
 
 DEMO = find_profile("demo")
@@ -23,16 +22,14 @@ DEMO = find_profile("demo")
 @pytest.fixture
 def church(tmp_path):
     """A waterdrop capture of 9 views of 48x36 without masks."""
-    folder = tmp_path / "root" / "waterdrops" / "church"
-    write_colmap(capture_in(folder), folder / "sparse" / "0")
-    return folder
+    return written_capture(tmp_path / "root" / "waterdrops" / "church")
 
 
-def masks() -> np.ndarray:
+@pytest.fixture
+def masks():
     """[18, 24, 9]: in the i-th photograph column i is a drop; the last has none."""
     array = np.zeros((18, 24, 9))
-    for i in range(8):
-        array[:, i, i] = 1
+    array[:, range(8), range(8)] = 1
     return array
 
 
@@ -46,14 +43,13 @@ def built(tmp_path: Path, **changes) -> Path:
 
 
 @pytest.mark.parametrize("kind", [np.float32, np.float64, np.bool_, "0 to 255"])
-def test_the_array_of_masks_is_kept_at_the_built_size(church, tmp_path, kind):
-    np.save(church / "rainMask.npy", (masks() * 255).astype(np.uint8) if kind == "0 to 255" else masks().astype(kind))
+def test_the_array_of_masks_is_kept_at_the_built_size(church, masks, tmp_path, kind):
+    np.save(church / "rainMask.npy", (masks * 255).astype(np.uint8) if kind == "0 to 255" else masks.astype(kind))
     folder = built(tmp_path)
     drops = [read_drops(folder, f"view-{i:02d}") for i in range(9)]
     assert [plane.shape for plane in drops] == [(36, 48)] * 9
-    assert [sorted(set(np.nonzero(plane)[1])) for plane in drops[1:8]] == [
-        [2 * i - 1, 2 * i, 2 * i + 1, 2 * i + 2] for i in range(1, 8)
-    ]  # a pixel that a drop touches is one
+    for i, plane in enumerate(drops[1:8], 1):  # a pixel that a drop touches is one
+        assert sorted(set(np.nonzero(plane)[1])) == [2 * i - 1, 2 * i, 2 * i + 1, 2 * i + 2]
     assert not drops[8].any()
     assert verify(tmp_path / "data") == []
     stamp = (tmp_path / "data" / "manifest.json").stat().st_mtime_ns
@@ -76,11 +72,11 @@ def test_pictures_of_masks(church, tmp_path):
     assert data_hash(folder.parent, folder.name, CAPTURED) != before  # methods may learn from them
 
 
-def test_masks_beside_rainy_and_clean_photographs(church, tmp_path):
+def test_masks_beside_rainy_and_clean_photographs(church, masks, tmp_path):
     (church / "images").rename(church / "clean")
     for path in (church / "clean").glob("[!.]*"):
         wet(church / "rainy" / path.name, path)
-    np.save(church / "rainMask.npy", masks())
+    np.save(church / "rainMask.npy", masks)
     folder = built(tmp_path)
     assert len(list((folder / CAPTURED / "drops").glob("[!.]*"))) == len(list((folder / "clean").glob("[!.]*"))) == 9
     assert read_drops(folder, "view-01")[:, 2:4].all()
@@ -107,11 +103,10 @@ def test_masks_of_something_else_are_refused(church, tmp_path, array, message):
 
 def test_masks_of_distorted_photographs_are_undistorted_like_them(tmp_path):
     folder = colmap_capture(tmp_path / "root" / "waterdrops" / "church")
-    height, width = read_image(folder / "images" / "view00.png").shape[:2]
-    picture = np.zeros((height, width, 3), np.uint8)
-    picture[: height // 3, : width // 4] = 255
-    for kind in ("rain_masks", "masks"):
-        write_png(folder / kind / "view00.png.png", picture if kind == "rain_masks" else 255 - picture)
+    picture = np.zeros((72, 96, 3), np.uint8)
+    picture[:24, :24] = 255
+    write_png(folder / "rain_masks" / "view00.png.png", picture)
+    write_png(folder / "masks" / "view00.png.png", 255 - picture)
     ignored = read_scene(folder).resized(DEMO.long_side).views[0].ignored()
     drops = read_drops(built(tmp_path), "view00")
     assert np.array_equal(drops, ignored)

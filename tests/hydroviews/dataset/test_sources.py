@@ -1,4 +1,5 @@
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 from distorted import colmap_capture, write_model, write_photographs
@@ -22,48 +23,46 @@ def no_captures_of_this_machine(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
 
 
-def published(folder: Path, sizes: dict[str, tuple[int, int]]) -> Path:
+SIZES = {"images_2": (48, 36), "images_4": (24, 18), "images_8": (12, 9)}
+
+
+def published(folder: Path, *parts: str) -> Path:
     """A COLMAP project with the same photographs at several sizes, the largest one the lens's."""
     write_model(folder / "sparse" / "0", NAMES)
-    write_photographs(folder / "full", NAMES)
-    for name, size in sizes.items():
+    write_photographs(folder / "images", NAMES)
+    for part in parts:
         for photograph in NAMES:
-            write_png(folder / name / photograph, resize_area(read_image(folder / "full" / photograph), *size))
-    for photograph in NAMES:
-        (folder / "full" / photograph).unlink()
+            write_png(folder / part / photograph, resize_area(read_image(folder / "images" / photograph), *SIZES[part]))
     return folder
-
-
-SIZES = {"images": (96, 72), "images_2": (48, 36), "images_4": (24, 18), "images_8": (12, 9)}
 
 
 @pytest.fixture
 def root(tmp_path):
-    published(tmp_path / "root" / "360_v2" / "garden", SIZES)
+    published(tmp_path / "root" / "360_v2" / "garden", "images_2", "images_4", "images_8")
     return tmp_path / "root"
 
 
+@pytest.fixture
+def built(tmp_path):
+    """Builds a capture in the folder `data`, small."""
+    return lambda path, **how: build_source(str(path), tmp_path / "data", find_profile("demo"), long_side=24, **how)
+
+
 @pytest.mark.parametrize("name", ["manifest.json", "captures"])
-def test_a_capture_may_be_called_like_what_a_data_folder_holds(tmp_path, name):
-    capture = colmap_capture(tmp_path / "mine" / name)
-    folder = build_source(str(capture), tmp_path / "data", find_profile("demo"), long_side=24)
+def test_a_capture_may_be_called_like_what_a_data_folder_holds(built, tmp_path, name):
+    folder = built(colmap_capture(tmp_path / "mine" / name))
     assert folder == tmp_path / "data" / f"{name}-scene"
     assert f"built as {name}-scene" in (folder / "README.md").read_text()
     assert verify(tmp_path / "data") == []
 
 
 def test_photographs_without_cameras_get_them_before_they_are_built(tmp_path, monkeypatch):
-    asked = []
-
-    def poses(images: Path, out: Path) -> None:
-        asked.append((images, out))
-        colmap_capture(out, count=len(NAMES))
-
+    poses = Mock(side_effect=lambda images, out: colmap_capture(out, count=len(NAMES)))
     monkeypatch.setattr(commands, "poses_command", poses)
     write_photographs(tmp_path / "walk", NAMES)
     for source in ("walk", "walk-capture"):  # a capture has cameras
         commands.build_command(source, out=tmp_path / "data", patterns=("streak-0",), long_side=24)
-    assert asked == [(Path("walk"), tmp_path / "walk-capture")]
+    poses.assert_called_once_with(Path("walk"), tmp_path / "walk-capture")
     assert len(list((tmp_path / "data/walk-capture/streak-0/images").iterdir())) == len(NAMES)
 
 
@@ -80,9 +79,9 @@ def test_a_build_that_is_refused_estimates_no_cameras(tmp_path, monkeypatch):
         commands.build_command(".", patterns=("streak-0",))
 
 
-def test_results_do_not_go_into_built_scenes(tmp_path):
+def test_results_do_not_go_into_built_scenes(built, tmp_path):
     """They would count as the scene's own: packed with it, and removed when it is built anew."""
-    folder = build_source(str(colmap_capture(tmp_path / "room")), tmp_path / "data", find_profile("demo"), long_side=24)
+    folder = built(colmap_capture(tmp_path / "room"))
     with pytest.raises(InputError, match=r"in the built scene .*room\n.*outside of the data folder"):
         commands.poses_command(folder / "clean", out=folder / "capture")
     with pytest.raises(InputError, match=r"in the built scene .*room\n"):
@@ -96,23 +95,20 @@ def test_an_embedded_scene_is_not_downloaded(capsys, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_two_captures_of_one_name_are_told_apart(tmp_path):
-    first, second = colmap_capture(tmp_path / "a" / "room"), colmap_capture(tmp_path / "b" / "room", count=5)
-    build_source(str(first), tmp_path / "data", find_profile("demo"), long_side=24)
+def test_two_captures_of_one_name_are_told_apart(built, tmp_path):
+    built(colmap_capture(tmp_path / "a" / "room"))
     with pytest.raises(InputError, match=r"of .*/a/room, another capture than .*/b/room\n"):
-        build_source(str(second), tmp_path / "data", find_profile("demo"), long_side=24)
+        built(colmap_capture(tmp_path / "b" / "room", count=5))
 
 
 @pytest.mark.parametrize("content", ['{"sou', "[1]"])
-def test_a_damaged_request_is_overwritten(tmp_path, content):
-    capture = colmap_capture(tmp_path / "room")
-    request = tmp_path / "data" / "room" / "request.json"
+def test_a_damaged_request_is_overwritten(built, tmp_path, content):
+    capture, request = colmap_capture(tmp_path / "room"), tmp_path / "data" / "room" / "request.json"
     request.parent.mkdir(parents=True)
     request.write_text(content)
-    settings = {"profile": find_profile("demo"), "long_side": 24}
     with pytest.raises(InputError, match="--overwrite"):
-        build_source(str(capture), tmp_path / "data", **settings)
-    build_source(str(capture), tmp_path / "data", **settings, overwrite=True)
+        built(capture)
+    built(capture, overwrite=True)
     assert verify(tmp_path / "data") == []
 
 
@@ -143,7 +139,7 @@ def test_no_larger_photographs_are_read_than_needed(root, long_side, published_f
 
 
 def test_other_sizes_are_taken_and_noted(tmp_path):
-    folder = published(tmp_path / "root" / "garden", {"images": SIZES["images"], "images_2": SIZES["images_2"]})
+    folder = published(tmp_path / "root" / "garden", "images_2")
     assert choose_images(folder, "images_4", 1600)[0] == "images"
     assert choose_images(folder, "images_4", 30)[0] == "images_2"
     notes = find("garden", tmp_path / "root").notes
@@ -152,7 +148,7 @@ def test_other_sizes_are_taken_and_noted(tmp_path):
 
 
 def test_an_embedded_scene_wins_over_a_published_one(root, monkeypatch):
-    published(root / "360_v2" / "room", SIZES)
+    published(root / "360_v2" / "room")
     monkeypatch.setattr(sources, "EMBEDDED", ("courtyard", "room"))
     monkeypatch.setattr(sources, "render_embedded", lambda name, folder, *size, seed: None)
     monkeypatch.setattr(sources, "read_embedded", lambda name, folder: (name, str(folder)))
@@ -185,10 +181,10 @@ def test_what_is_not_there_says_where_to_get_it(root):
 
 
 def test_own_captures_by_path_or_by_name_in_the_folder(root, tmp_path):
-    published(root / "my yard", {"images": SIZES["images"]})
+    published(root / "my yard")
     assert find("my yard", root).name == "my yard"
     assert find(str(root / "my yard")).name == "my yard"
-    published(tmp_path / "garden", {"images": SIZES["images"]})  # a folder of a published name, here
+    published(tmp_path / "garden")  # a folder of a published name, here
     assert find("garden", tmp_path / "empty").views[0].path.parent == Path("garden/images")
     note = find("garden", tmp_path / "empty").notes[-1]
     assert "read as the published mipnerf360/garden" in note
@@ -197,11 +193,10 @@ def test_own_captures_by_path_or_by_name_in_the_folder(root, tmp_path):
 
 
 def test_a_scene_captured_in_rain_gets_none(tmp_path):
-    root = tmp_path / "root"
-    published(root / "waterdrops" / "church", {"images": SIZES["images"]})
-    demo = find_profile("demo")
-    folder = build_source("church", tmp_path / "data", demo, all_patterns=True, captures=root)
+    published(tmp_path / "root" / "waterdrops" / "church")
+    settings = {"out": tmp_path / "data", "profile": find_profile("demo"), "captures": tmp_path / "root"}
+    folder = build_source("church", **settings, all_patterns=True)
     assert folder.name == "waterdrops_church"
     assert sorted(p.name for p in folder.iterdir() if p.is_dir()) == [CAPTURED, "sparse"]
-    with pytest.raises(InputError, match="taken in rain"):
-        build_source("church", tmp_path / "data", demo, patterns=["streak-1"], captures=root)
+    with pytest.raises(InputError, match="taken in rain, and streak-1 is not added to that"):
+        build_source("church", **settings, patterns=["streak-1"])

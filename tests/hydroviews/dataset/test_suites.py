@@ -2,12 +2,11 @@ from pathlib import Path
 
 import pytest
 from commands import command
-from synthetic import capture_in
+from synthetic import written_capture
 
 from hydroviews.dataset.checks.verify import verify
 from hydroviews.dataset.manifest import read_manifest
 from hydroviews.dataset.suites import DEVELOPMENT, TEST, build_suite, read_suite, suite_of
-from hydroviews.formats.writers import write_colmap
 from hydroviews.profiles import find_profile
 
 OWN = """
@@ -25,8 +24,7 @@ moon = ["streak"]
 @pytest.fixture
 def suite(tmp_path):
     for name in ("yard", "other yard"):
-        folder = tmp_path / "root" / name
-        write_colmap(capture_in(folder), folder / "sparse" / "0")
+        written_capture(tmp_path / "root" / name)
     path = tmp_path / "own.toml"
     path.write_text(OWN.format(root=tmp_path / "root"))
     return path
@@ -43,7 +41,7 @@ def test_what_is_missing_does_not_hold_up_the_rest(suite, tmp_path):
     assert built() == (["moon", "mipnerf360/garden"], yards)
     assert verify(data) == []
     stamp = (data / "yard" / "streak-0" / "pattern.json").stat().st_mtime_ns
-    write_colmap(capture_in(root / "garden", seed=1), root / "garden" / "sparse" / "0")
+    written_capture(root / "garden", seed=1)
     suite.write_text(suite.read_text().replace('["raindrop"]', '["streak"]'))
     assert built() == (["moon"], {**yards, "mipnerf360_garden": ["streak-0", "streak-2"]})
     assert (data / "yard" / "streak-0" / "pattern.json").stat().st_mtime_ns == stamp

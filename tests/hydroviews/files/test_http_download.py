@@ -2,6 +2,7 @@ import base64
 import hashlib
 import json
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -61,13 +62,10 @@ def test_a_cut_connection_is_taken_up_again(server, tmp_path, failings, asked):
 def broken_off(server, tmp_path, monkeypatch):
     """Ends a download with Ctrl-C while it waits to try again, after its connection broke; returns its address."""
 
-    def interrupt(seconds):
-        raise KeyboardInterrupt
-
     def break_off(tag='"one"'):
         server.cut_after, server.tag, url = [1_200_000], tag, f"{server.address}/a.bin"
         with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-            patch.setattr(http_download.time, "sleep", interrupt)
+            patch.setattr(http_download.time, "sleep", Mock(side_effect=KeyboardInterrupt))
             fetch([url], tmp_path / "a.bin")
         server.asked.clear()
         return url
@@ -104,6 +102,21 @@ def test_a_part_longer_than_the_file_is_dropped(server, tmp_path):
     assert [ask[1] for ask in server.asked] == ["bytes=3000008-", None]
 
 
+UNKNOWN = ["", "{", '{"url": "http://elsewhere"}', '{"url": "HERE", "size": null, "tag": null}']
+
+
+@pytest.mark.parametrize("about", UNKNOWN)
+def test_a_part_of_unknown_origin_is_not_used(server, tmp_path, about):
+    url = f"{server.address}/a.bin"
+    (tmp_path / "a.bin.part").write_bytes(b"x" * 1000)
+    if about:
+        (tmp_path / "a.bin.part.json").write_text(about.replace("HERE", url))
+    fetch([url], tmp_path / "a.bin")
+    assert (tmp_path / "a.bin").read_bytes() == CONTENT
+    if not about:  # of a browser, say
+        assert (tmp_path / "a.bin.part.kept").read_bytes() == b"x" * 1000
+
+
 def test_a_range_that_was_not_asked_for_is_refused(tmp_path):
     wrong = b"HTTP/1.1 206 Partial\r\nContent-Range: bytes 0-4/1005\r\nContent-Length: 5\r\n\r\nwrong"
     with answering(wrong) as address:
@@ -113,27 +126,12 @@ def test_a_range_that_was_not_asked_for_is_refused(tmp_path):
     assert (tmp_path / "a.bin.part").read_bytes() == CONTENT[:1000]
 
 
-@pytest.mark.parametrize(
-    "about", [None, "{", '{"url": "http://elsewhere"}', '{"url": "HERE", "size": null, "tag": null}']
-)
-def test_a_part_of_unknown_origin_is_not_used(server, tmp_path, about):
-    url = f"{server.address}/a.bin"
-    (tmp_path / "a.bin.part").write_bytes(b"x" * 1000)
-    if about is not None:
-        (tmp_path / "a.bin.part.json").write_text(about.replace("HERE", url))
-    fetch([url], tmp_path / "a.bin")
-    assert (tmp_path / "a.bin").read_bytes() == CONTENT
-    if about is None:  # of a browser, say
-        assert (tmp_path / "a.bin.part.kept").read_bytes() == b"x" * 1000
-
-
-@pytest.mark.parametrize("known", [True, False])
-def test_bytes_of_two_servers_are_joined_only_under_a_checksum(server, tmp_path, known):
+@pytest.mark.parametrize(("sha", "asked"), [(SHA, "bytes=1200000-"), (None, None)])
+def test_bytes_of_two_servers_are_joined_only_under_a_checksum(server, tmp_path, sha, asked):
     server.cut_after = [1_200_000, 0, 0, 0, 0]
     with serving({"/a.bin": CONTENT}, tag='"another"') as mirror:
-        urls = [f"{server.address}/a.bin", f"{mirror.address}/a.bin"]
-        fetch(urls, tmp_path / "a.bin", SHA if known else None)
-        assert mirror.asked == [("/a.bin", "bytes=1200000-" if known else None)]
+        fetch([f"{server.address}/a.bin", f"{mirror.address}/a.bin"], tmp_path / "a.bin", sha)
+        assert mirror.asked == [("/a.bin", asked)]
     assert (tmp_path / "a.bin").read_bytes() == CONTENT
 
 

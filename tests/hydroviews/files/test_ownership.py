@@ -63,6 +63,10 @@ def test_whole_folders_and_links_are_entered(claimed):
     (claimed / "model" / "mine.ply").write_bytes(b"")
     ownership.enter(claimed / "link")
     os.symlink(claimed / "a.png", claimed / "link")
+    (claimed / "work.db").write_bytes(b"the user's")
+    with pytest.raises(InputError, match=r"work\.db"):  # names that other programs will write must be free
+        ownership.enter_all(["work.db"], claimed)
+    (claimed / "work.db").unlink()
     ownership.enter_all(["work/", "work.db"], claimed)
     (claimed / "work").mkdir()
     for name in ("work/anything", "work.db"):
@@ -70,12 +74,6 @@ def test_whole_folders_and_links_are_entered(claimed):
     left = [claimed / "below" / "mine.txt", claimed / "model" / "mine.ply"]
     assert ownership.left_by_others(claimed) == left
     assert ownership.remove(claimed) == left
-
-
-def test_names_that_other_programs_will_write_must_be_free(claimed):
-    (claimed / "work.db").write_bytes(b"the user's")
-    with pytest.raises(InputError, match=r"work\.db"):
-        ownership.enter_all(["work.db"], claimed)
 
 
 def test_loose_outputs_are_known_again_and_others_refused(tmp_path):

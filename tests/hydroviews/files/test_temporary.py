@@ -58,7 +58,6 @@ def writer(tmp_path):
     ended.wait(PATIENCE)
     command = [sys.executable, "-c", WRITER, str(tmp_path / "a.txt"), str(ended.pid)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-    assert process.stdout is not None
     assert process.stdout.readline() == "half\n"
     yield process
     process.kill()

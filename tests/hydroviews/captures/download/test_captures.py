@@ -17,11 +17,8 @@ def no_mirror_of_this_machine(plain_network, monkeypatch):
 
 
 @pytest.fixture
-def content(tmp_path):
-    path = write_zip(tmp_path / "made.zip", FILES)
-    content = path.read_bytes()
-    path.unlink()
-    return content
+def content(tmp_path_factory):
+    return write_zip(tmp_path_factory.mktemp("made") / "made.zip", FILES).read_bytes()
 
 
 @pytest.fixture
@@ -30,25 +27,25 @@ def mirror(content):
         yield server
 
 
-def test_a_capture_is_downloaded_from_a_mirror_and_kept(mirror, content, tmp_path):
-    (folder,) = download_captures("train", tmp_path, f"{mirror.address}/data/")
+@pytest.fixture
+def archive(mirror):
+    """What the catalogue says of an archive, with the mirror as its address."""
+    return Archive("tandt_db.zip", (f"{mirror.address}/data/tandt_db.zip",), 1)
+
+
+def test_a_capture_is_downloaded_from_a_mirror_and_kept(mirror, content, tmp_path, monkeypatch):
+    monkeypatch.setenv(downloads.VARIABLE, f"{mirror.address}/data/tandt_db.zip")
+    (folder,) = download_captures("train", tmp_path)
     assert folder == tmp_path / "tandt" / "train"
-    unpacked = contents(folder)
+    unpacked, digest = contents(folder), hashlib.sha256(content).hexdigest()
     source = unpacked.pop("SOURCE.md").decode()
     assert "https://www.tanksandtemples.org" in source
-    assert hashlib.sha256(content).hexdigest() in source
+    assert digest in source
     assert unpacked == SCENE
-    lock = (tmp_path / "downloads" / "tandt_db.zip.sha256").read_text()
-    assert lock == f"{hashlib.sha256(content).hexdigest()}  tandt_db.zip\n"
+    assert (tmp_path / "downloads" / "tandt_db.zip.sha256").read_text() == f"{digest}  tandt_db.zip\n"
     assert list(download_captures("tanksandtemples/train", tmp_path, "http://nowhere")) == [folder]
-    assert len(mirror.asked) == 1
-
-
-def test_another_scene_comes_from_the_archive_that_is_there(mirror, tmp_path, monkeypatch):
-    monkeypatch.setenv(downloads.VARIABLE, f"{mirror.address}/data/tandt_db.zip")
-    list(download_captures("train", tmp_path))
-    (folder,) = download_captures("truck", tmp_path)
-    assert (folder / "images" / "a.jpg").read_bytes() == b"another scene"
+    (other,) = download_captures("truck", tmp_path)  # from the archive that is there
+    assert (other / "images" / "a.jpg").read_bytes() == b"another scene"
     assert len(mirror.asked) == 1
 
 
@@ -61,8 +58,7 @@ def test_a_folder_of_the_users_where_a_capture_goes_stays(mirror, tmp_path):
     assert mirror.asked == []
 
 
-def test_the_first_checksum_holds(mirror, content, tmp_path):
-    archive = Archive("tandt_db.zip", (f"{mirror.address}/data/tandt_db.zip",), 1)
+def test_the_first_checksum_holds(mirror, archive, content, tmp_path):
     path = tmp_path / "tandt_db.zip"
     first = get_archive(archive, path)
     assert get_archive(archive, path) == first
@@ -76,9 +72,8 @@ def test_the_first_checksum_holds(mirror, content, tmp_path):
 
 
 def test_after_a_bad_download_the_same_command_succeeds(mirror, content, tmp_path):
-    bad = bytearray(content)
-    bad[content.index(b"images/a.jpg") + 14] ^= 1  # in what is packed: the table at the end is whole
-    mirror.files["/data/tandt_db.zip"] = bytes(bad)
+    at = content.index(b"images/a.jpg") + 14  # in what is packed: the table at the end is whole
+    mirror.files["/data/tandt_db.zip"] = content[:at] + bytes([content[at] ^ 1]) + content[at + 1 :]
     with pytest.raises(InputError, match=r"damaged[\s\S]*delete it and run the same command again"):
         list(download_captures("train", tmp_path, f"{mirror.address}/data"))
     (tmp_path / "downloads" / "tandt_db.zip").unlink()
@@ -87,22 +82,20 @@ def test_after_a_bad_download_the_same_command_succeeds(mirror, content, tmp_pat
     assert contents(folder).items() >= SCENE.items()
 
 
-def test_the_catalogues_checksum_comes_first(mirror, content, tmp_path):
-    archive = Archive("tandt_db.zip", (f"{mirror.address}/data/tandt_db.zip",), 1, sha256="0" * 64)
+def test_the_catalogues_checksum_comes_first(archive, content, tmp_path):
     with pytest.raises(InputError, match="wrong checksum"):
-        get_archive(archive, tmp_path / "tandt_db.zip")
-    good = replace(archive, sha256=hashlib.sha256(content).hexdigest())
-    get_archive(good, tmp_path / "tandt_db.zip")
+        get_archive(replace(archive, sha256="0" * 64), tmp_path / "tandt_db.zip")
+    get_archive(replace(archive, sha256=hashlib.sha256(content).hexdigest()), tmp_path / "tandt_db.zip")
     assert not (tmp_path / "tandt_db.zip.sha256").exists()
 
 
-def test_a_page_of_text_is_not_locked_in(mirror, content, tmp_path):
+def test_a_page_of_text_is_not_locked_in(mirror, archive, tmp_path):
     mirror.files["/page"] = b"<html>sign in first</html>"
-    archive = Archive("a.zip", (f"{mirror.address}/page",), 1)
+    page = f"{mirror.address}/page"
     with pytest.raises(InputError, match="no zip or tar archive"):
-        get_archive(archive, tmp_path / "a.zip")
+        get_archive(replace(archive, urls=(page,)), tmp_path / "a.zip")
     assert contents(tmp_path) == {}
-    get_archive(replace(archive, urls=(*archive.urls, f"{mirror.address}/data/tandt_db.zip")), tmp_path / "a.zip")
+    get_archive(replace(archive, urls=(page, *archive.urls)), tmp_path / "a.zip")
 
 
 def test_a_mirror_comes_before_the_catalogue():
@@ -129,7 +122,6 @@ def test_what_has_to_be_fetched_by_hand_is_told(tmp_path, name, message):
 
 
 def test_a_collection_comes_whole_before_what_is_for_hands(mirror, tmp_path):
-    got = []
     with pytest.raises(InputError, match="has no horse"):
-        got.extend(download_captures("tanksandtemples", tmp_path, f"{mirror.address}/data"))
+        list(download_captures("tanksandtemples", tmp_path, f"{mirror.address}/data/"))
     assert {path.name for path in (tmp_path / "tandt").iterdir()} == {"train", "truck"}

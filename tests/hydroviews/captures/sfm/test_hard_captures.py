@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from hydroviews.captures.sfm.mapping import TooFewRegistered
 from hydroviews.captures.sfm.poses import estimate_poses
@@ -30,17 +31,13 @@ def wet(image):
     return drops
 
 
-def half_wet(image):
-    left = np.arange(WIDTH) < WIDTH // 2
-    return np.where(left[None, :, None], wet(image), image)
-
-
+LEFT = np.arange(WIDTH)[:, None] < WIDTH // 2
 CASES = {
-    "drops on half of the lens": lambda pictures: [half_wet(picture) for picture in pictures],
+    "drops on half of the lens": lambda pictures: [np.where(LEFT, wet(p), p) for p in pictures],
     "wiped half-way": lambda pictures: [wet(p) if i < VIEWS // 2 else p for i, p in enumerate(pictures)],
     "portrait and landscape": lambda pictures: [p[:, 43:-44] if i % 2 else p[18:-19] for i, p in enumerate(pictures)],
-    "low contrast": lambda pictures: [0.8 + 0.15 * wet(picture) for picture in pictures],
-    "three views": lambda pictures: [wet(picture) for picture in pictures[:3]],
+    "low contrast": lambda pictures: [0.8 + 0.15 * wet(p) for p in pictures],
+    "three views": lambda pictures: [wet(p) for p in pictures[:3]],
 }
 
 
@@ -62,16 +59,14 @@ def test_all_views_register_about_where_they_are(courtyard, tmp_path, case):
 
 
 def test_a_view_without_detail_is_left_out(courtyard, tmp_path):
-    _, pictures = courtyard
-    found = estimated(tmp_path, [*pictures[:4], np.full_like(pictures[0], GREY)])
-    assert sorted(found) == ["0", "1", "2", "3"]
+    pictures = courtyard[1][:4]
+    assert sorted(estimated(tmp_path, [*pictures, np.full_like(pictures[0], GREY)])) == ["0", "1", "2", "3"]
 
 
 def turned(image, degrees):
     """The picture after the camera has turned to the side at its place; unknown pixels are black."""
-    focal, angle = 0.72 * WIDTH, np.radians(degrees)
-    lens = np.array([[focal, 0, WIDTH / 2], [0, focal, HEIGHT / 2], [0, 0, 1]])
-    turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
+    lens = np.array([[0.72 * WIDTH, 0, WIDTH / 2], [0, 0.72 * WIDTH, HEIGHT / 2], [0, 0, 1]])
+    turn = Rotation.from_euler("y", degrees, degrees=True).as_matrix()
     return cv2.warpPerspective(image, lens @ turn @ np.linalg.inv(lens), (WIDTH, HEIGHT))
 
 

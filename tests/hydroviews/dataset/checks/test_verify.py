@@ -3,27 +3,26 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from synthetic import capture_in
+from shared_data_set import facts_of
+from synthetic import written_capture
 
 from hydroviews.dataset.build import build
 from hydroviews.dataset.card.contact_sheet import write_sheets
 from hydroviews.dataset.checks.rain import expected_view
 from hydroviews.dataset.checks.verify import verify
-from hydroviews.dataset.manifest import read_manifest, record_files, record_scene
+from hydroviews.dataset.manifest import record_files, record_scene
 from hydroviews.files.atomic import write_bytes
 from hydroviews.formats.capture_json import CAPTURED
 from hydroviews.formats.read import read_scene
-from hydroviews.formats.writers import write_colmap
 from hydroviews.rain.layers import read_layers, write_layers
 from hydroviews.rain.registry import find_effect
 from hydroviews.scene.images import read_image, write_png
 
 
-def problems_after_signing(built: Path, every_view: bool = True) -> str:
+def problems_after_signing(built: Path) -> str:
     """What verify says once the manifest has the hashes of the files as they are now."""
-    entry = read_manifest(built.parent)["scenes"]["yard"]
-    record_scene(built.parent, "yard", {key: value for key, value in entry.items() if key != "files"})
-    return "\n".join(verify(built.parent, every_view))
+    record_scene(built.parent, "yard", facts_of(built))
+    return "\n".join(verify(built.parent, every_view=True))
 
 
 def test_a_scene_is_verified_alone(built):
@@ -41,9 +40,7 @@ def test_a_view_that_does_not_follow_from_its_layers(built, pattern):
     pixels[5, 7] = np.clip(pixels[5, 7] + 2 / 255, 0, 1)
     write_png(image, pixels)
     record_files(built.parent, "yard", [f"{pattern}/images/view-03.png"])
-    problems = verify(built.parent, every_view=True)
-    assert len(problems) >= 1
-    assert f"{image}: differs by 2" in problems[0]
+    assert f"{image}: differs by 2" in verify(built.parent, every_view=True)[0]
     assert verify(built.parent) == []  # the first view alone is as it was
 
 
@@ -64,10 +61,10 @@ def test_layers_that_are_none(built, pattern, change, expected):
 
 def test_statistics_are_there_and_true(built):
     path = built / "streak-1" / "statistics.csv"
-    lines = path.read_text().splitlines()
-    cells = lines[1].split(",")
+    head, first, _, *rest = path.read_text().splitlines()
+    cells = first.split(",")
     cells[3] = "0.9"  # streaks of view-00
-    write_bytes(path, ("\n".join([lines[0], ",".join(cells), *lines[3:]]) + "\n").encode())
+    write_bytes(path, ("\n".join([head, ",".join(cells), *rest]) + "\n").encode())
     problems = problems_after_signing(built)
     assert "streaks of view-00 is 0." in problems
     assert "no row for view-01" in problems
@@ -76,14 +73,12 @@ def test_statistics_are_there_and_true(built):
 
 
 def test_a_scene_captured_in_rain_has_its_hashes_checked_and_its_row(tmp_path):
-    capture = tmp_path / "capture" / "yard"
-    write_colmap(capture_in(capture), capture / "sparse" / "0")
+    capture = written_capture(tmp_path / "capture" / "yard")
     (capture / "capture.json").write_text('{"rain": "captured"}')
     folder = build(read_scene(capture), tmp_path / "data", patterns=[])
     assert verify(tmp_path / "data") == []
     assert "it rained when the photographs were taken" in (folder / "README.md").read_text()
-    (sheet,) = write_sheets(folder, columns=2)
-    assert sheet.name == "yard.png"
+    assert [sheet.name for sheet in write_sheets(folder, columns=2)] == ["yard.png"]
     image = folder / CAPTURED / "images" / "view-02.png"
     write_png(image, read_image(image) * 0.5)
     assert verify(folder) == [f"{image}: changed since it was built"]
@@ -106,8 +101,8 @@ def test_the_equations_are_those_of_the_composite(effect):
 def test_cameras_of_a_variant_are_the_scenes(built):
     link = built / "streak-1" / "sparse"
     link.unlink()
-    assert any("not the scene's sparse" in problem for problem in verify(built.parent))
+    assert "not the scene's sparse" in "\n".join(verify(built.parent))
     shutil.copytree(built / "sparse", link)  # as where links cannot be made, or after a copy that follows them
     assert verify(built.parent) == []
     write_bytes(link / "0" / "cameras.bin", b"")
-    assert any("not the scene's sparse" in problem for problem in verify(built.parent))
+    assert "not the scene's sparse" in "\n".join(verify(built.parent))

@@ -1,17 +1,17 @@
 """What is fetched is what was built: to `verify`, to who opens it, and to the hash in a run's record."""
 
-from types import SimpleNamespace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 from capture_archives import contents
 from servers import serving
-from shared_data_set import built_in
+from shared_data_set import built_in, facts_of
 
 from hydroviews.captures.download.archives import BadArchive
 from hydroviews.dataset.card.card import LOSSES
 from hydroviews.dataset.checks.verify import verify
-from hydroviews.dataset.manifest import data_hash, forget_scene, read_manifest, record_scene
+from hydroviews.dataset.manifest import data_hash, forget_scene, record_scene
 from hydroviews.dataset.sharing import archive as archive_module
 from hydroviews.dataset.sharing.fetch import fetch
 from hydroviews.dataset.sharing.pack import pack
@@ -22,26 +22,17 @@ from hydroviews.files.ownership import left_by_others
 pytestmark = pytest.mark.usefixtures("plain_network")
 
 
-@pytest.fixture(scope="module")
-def shared(tmp_path_factory):
-    """A built scene, and its archives by variant."""
-    folder = tmp_path_factory.mktemp("shared")
-    built = built_in(folder)
-    paths = {path.stem.removeprefix("yard-"): path for path, _ in pack(built, folder / "out")}
-    return SimpleNamespace(built=built, paths=paths, streaks=paths["streak-1"])
-
-
 def visible(data):
     return sorted(path.name for path in data.glob("[!.]*"))
 
 
-def test_one_variant_in_an_empty_folder_is_a_data_set(shared, tmp_path):
+def test_one_variant_in_an_empty_folder_is_a_data_set(built, archive, tmp_path):
     data = tmp_path / "data"
-    folder = fetch(str(shared.streaks), data)
+    folder = fetch(str(archive), data)
     assert verify(data, every_view=True) == []
     for pattern in ("streak-1", "clean"):
-        assert data_hash(data, "yard", pattern) == data_hash(shared.built.parent, "yard", pattern)
-    ours, theirs = (open_variant(scene, "streak-1").views[0].image() for scene in (folder, shared.built))
+        assert data_hash(data, "yard", pattern) == data_hash(built.parent, "yard", pattern)
+    ours, theirs = (open_variant(scene, "streak-1").views[0].image() for scene in (folder, built))
     assert np.array_equal(ours, theirs)
     assert len(open_clean(folder).test_views) == 2
     with pytest.raises(InputError, match="no such views"):
@@ -49,53 +40,53 @@ def test_one_variant_in_an_empty_folder_is_a_data_set(shared, tmp_path):
     assert (folder / "clean" / "view-00.png").stat().st_mode & 0o222 == 0
 
 
-def test_variants_fetched_one_by_one_are_the_scene_that_was_built(shared, tmp_path):
+def test_variants_fetched_one_by_one_are_the_scene_that_was_built(built, archives, tmp_path):
     data = tmp_path / "data"
-    for path in shared.paths.values():
+    for path in archives.values():
         fetch(str(path), data)
     assert verify(data, every_view=True) == []
-    built, fetched = contents(shared.built), contents(data / "yard")
     assert left_by_others(data / "yard") == []
+    built, fetched = contents(built), contents(data / "yard")
     only_fetched = {"licence/licence.json"} & (fetched.keys() - built.keys())
     assert fetched.keys() - only_fetched == {name for name in built if "/." not in f"/{name}"}
     differing = {name for name in fetched.keys() & built.keys() if fetched[name] != built[name]}
     assert differing <= {"request.json"}  # which names no local path any more
-    again = [path for path, _ in pack(data, tmp_path / "again")]
-    assert {path.name: path.read_bytes() for path in again} == {p.name: p.read_bytes() for p in shared.paths.values()}
+    again = {path.name: path.read_bytes() for path, _ in pack(data, tmp_path / "again")}
+    assert again == {path.name: path.read_bytes() for path in archives.values()}
     assert len(again) == 3
 
 
-def test_another_scene_of_that_name_is_refused_and_stays(shared, tmp_path):
+def test_another_scene_of_that_name_is_refused_and_stays(archives, tmp_path):
     other = built_in(tmp_path, patterns=("streak-1",), seed=7)
     before = contents(other)
-    for path in shared.paths.values():
+    for path in archives.values():
         with pytest.raises(InputError, match="not the scene of the archive"):
             fetch(str(path), other.parent)
     assert contents(other) == before
 
 
-def test_a_missing_file_is_made_good_and_a_changed_one_not_covered_up(shared, tmp_path):
-    folder = fetch(str(shared.streaks), tmp_path / "data")
+def test_a_missing_file_is_made_good_and_a_changed_one_not_covered_up(archives, archive, tmp_path):
+    folder = fetch(str(archive), tmp_path / "data")
     view = folder / "clean" / "view-01.png"
     view.unlink()
-    fetch(str(shared.streaks), tmp_path / "data")
+    fetch(str(archive), tmp_path / "data")
     assert verify(tmp_path / "data") == []
     view.unlink()
     view.write_bytes(b"other")
     with pytest.raises(InputError, match=r"clean/view-01\.png"):
-        fetch(str(shared.paths["storm-1"]), tmp_path / "data")
+        fetch(str(archives["storm-1"]), tmp_path / "data")
 
 
-def test_a_build_that_is_not_finished_is_not_touched(shared, tmp_path):
+def test_a_build_that_is_not_finished_is_not_touched(archive, tmp_path):
     built = built_in(tmp_path)
     forget_scene(built.parent, "yard")
     (built / "storm-1" / "images" / "view-08.png").unlink()
     with pytest.raises(InputError, match="a scene whose build is not finished"):
-        fetch(str(shared.streaks), built.parent)
+        fetch(str(archive), built.parent)
 
 
 @pytest.mark.parametrize("stop", [0, 3, 20])
-def test_an_interrupted_unpacking_goes_on(shared, tmp_path, monkeypatch, stop):
+def test_an_interrupted_unpacking_goes_on(archive, tmp_path, monkeypatch, stop):
     data, copies = tmp_path / "data", []
     copy = archive_module.Packed.copy
 
@@ -108,51 +99,46 @@ def test_an_interrupted_unpacking_goes_on(shared, tmp_path, monkeypatch, stop):
 
     monkeypatch.setattr(archive_module.Packed, "copy", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        fetch(str(shared.streaks), data)
+        fetch(str(archive), data)
     assert visible(data) == []
-    fetch(str(shared.streaks), data)
+    fetch(str(archive), data)
     assert verify(data) == []
     assert len(copies) == len(set(copies)) + 1  # the one that was interrupted, twice
     assert not list(data.glob(".partial-fetched-*"))
 
 
 @pytest.mark.parametrize("stop", ["write_card", "enter_scene", "link_shared"])
-def test_an_interruption_after_unpacking_is_made_good(shared, tmp_path, monkeypatch, stop):
-    def interrupt(*_):
-        raise KeyboardInterrupt
-
-    for path in (shared.streaks, shared.paths["storm-1"]):
+def test_an_interruption_after_unpacking_is_made_good(archives, archive, tmp_path, monkeypatch, stop):
+    for path in (archive, archives["storm-1"]):
         with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-            patch.setattr(f"hydroviews.dataset.sharing.fetch.{stop}", interrupt)
+            patch.setattr(f"hydroviews.dataset.sharing.fetch.{stop}", Mock(side_effect=KeyboardInterrupt))
             fetch(str(path), tmp_path / "data")
         fetch(str(path), tmp_path / "data")
         assert verify(tmp_path / "data") == []
 
 
-def test_a_later_call_goes_on_with_a_download(shared, tmp_path, monkeypatch):
-    content = shared.streaks.read_bytes()
-    with serving({"/a.zip": content}, cut_after=[50_000, 0, 0, 0]) as server:
+def test_a_later_call_goes_on_with_a_download(archive, tmp_path):
+    with serving({"/a.zip": archive.read_bytes()}, cut_after=[50_000, 0, 0, 0]) as server:
         with pytest.raises(InputError, match="no server delivers it"):
             fetch(f"{server.address}/a.zip", tmp_path / "data")
         server.asked.clear()
-        server.cut_after.clear()
         fetch(f"{server.address}/a.zip", tmp_path / "data")
         assert server.asked == [("/a.zip", "bytes=50000-")]
     assert verify(tmp_path / "data") == []
 
 
-def test_a_download_that_is_no_archive_of_ours_is_not_kept_for_the_next_call(shared, tmp_path):
-    content, data = shared.streaks.read_bytes(), tmp_path / "data"
+def test_a_download_that_is_no_archive_of_ours_is_not_kept_for_the_next_call(archive, tmp_path):
+    content, data = archive.read_bytes(), tmp_path / "data"
     damaged = bytearray(content)
     damaged[len(content) // 2] ^= 1
-    with serving({"/a.zip": content, "/page.zip": b"<html>"}) as server:
-        with pytest.raises(InputError, match=r"wrong checksum .* as the address says"):
-            fetch(f"{server.address}/a.zip#sha256={'0' * 64}", data)
-        with pytest.raises(InputError, match="a page of text"):
-            fetch(f"{server.address}/page.zip", data)
-        server.files["/b.zip"] = bytes(damaged)
-        with pytest.raises(BadArchive, match="not what the manifest says"):
-            fetch(f"{server.address}/b.zip", data)
+    with serving({"/a.zip": content, "/page.zip": b"<html>", "/b.zip": bytes(damaged)}) as server:
+        for name, error, fault in (
+            (f"a.zip#sha256={'0' * 64}", InputError, r"wrong checksum .* as the address says"),
+            ("page.zip", InputError, "a page of text"),
+            ("b.zip", BadArchive, "not what the manifest says"),
+        ):
+            with pytest.raises(error, match=fault):
+                fetch(f"{server.address}/{name}", data)
         assert visible(data) == []
         server.files["/b.zip"] = content
         fetch(f"{server.address}/b.zip", data)
@@ -163,8 +149,7 @@ def test_layers_alone_make_the_rainy_views_where_the_clean_ones_are(tmp_path):
     """Somebody else with the same capture gets the very same variant; what the owner measured is not part of it."""
     built = built_in(tmp_path / "mine", says=None)
     (built / LOSSES).write_text("pattern,grade,track,clean,rainy,loss,seeds\nstorm-1,medium,given-poses,30,28,2,0\n")
-    entry = read_manifest(built.parent)["scenes"]["yard"]
-    record_scene(built.parent, "yard", {key: value for key, value in entry.items() if key != "files"})
+    record_scene(built.parent, "yard", facts_of(built))
     [(path, _)] = pack(built, tmp_path / "out", patterns=["streak-1"], layers_only=True)
     theirs = built_in(tmp_path / "theirs", patterns=("storm-1",), says=None)
     fetch(str(path), theirs.parent)

@@ -3,16 +3,16 @@
 import json
 import os
 import shutil
-import threading
 import time
 import zipfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from shared_data_set import built_in
+from shared_data_set import built_in, facts_of
 
 from hydroviews.__main__ import download_command, pack_command
-from hydroviews.dataset.manifest import read_manifest, record_scene
+from hydroviews.dataset.manifest import record_scene
 from hydroviews.dataset.sharing.archive import open_archive
 from hydroviews.dataset.sharing.contents import APACHE_TEXT, is_ours
 from hydroviews.dataset.sharing.fetch import fetch
@@ -25,15 +25,18 @@ from hydroviews.rain.patterns import PATTERN_FILE
 ROOT = Path(__file__).parents[4]
 
 
-@pytest.fixture(scope="module")
-def built(tmp_path_factory):
-    return built_in(tmp_path_factory.mktemp("shared"))
-
-
 @pytest.fixture
 def silent(tmp_path):
     """A scene whose capture states no licence."""
     return built_in(tmp_path, says=None)
+
+
+@pytest.mark.parametrize("says", [None, {"licence": "my own"}, {"licence": "CC-BY-4.0", "shareable": False}])
+def test_what_may_not_be_handed_on_is_refused(tmp_path, says):
+    built = built_in(tmp_path, says=says)
+    with pytest.raises(InputError, match="does not allow to hand them on"):
+        list(pack(built, tmp_path / "out"))
+    assert not list(tmp_path.glob("out/*.zip"))
 
 
 def test_an_archive_for_every_variant_and_one_for_the_clean_views(built, tmp_path):
@@ -52,13 +55,12 @@ def test_the_same_data_give_the_same_bytes(built, tmp_path):
     for path in other.rglob("*"):
         if not path.is_symlink():
             os.utime(path, (1e9, 1e9))
+    [(_, here)] = pack(built, tmp_path / "here", patterns=["streak-1"])
     before = os.umask(0o077)
     try:
-        [(_, there)] = pack(other, tmp_path / "there", patterns=["streak-1"])
+        assert [digest for _, digest in pack(other, tmp_path / "there", patterns=["streak-1"])] == [here]
     finally:
         os.umask(before)
-    [(_, here)] = pack(built, tmp_path / "here", patterns=["streak-1"])
-    assert here == there
 
 
 def test_what_nobody_could_unpack_is_not_packed(tmp_path):
@@ -71,10 +73,8 @@ def test_what_nobody_could_unpack_is_not_packed(tmp_path):
 def test_remarks_that_name_a_folder_of_this_machine_stay_here(tmp_path):
     """Neither manifest nor card says them, whoever made the remark; the others are packed."""
     built = built_in(tmp_path, patterns=("streak-1",))
-    entry = read_manifest(built.parent)["scenes"]["yard"]
     own = ("read from /home/me/My Photos/yard; mine is ./yard", "see 'C:\\Users\\me\\yard'.", "9 of 9/10 images")
-    facts = {key: value for key, value in entry.items() if key != "files"}
-    record_scene(built.parent, "yard", facts | {"notes": own})
+    record_scene(built.parent, "yard", facts_of(built) | {"notes": own})
     [(path, digest)] = pack(built, tmp_path / "out", patterns=["streak-1"])
     packed = path.read_bytes()
     assert b"9 of 9/10 images" in packed
@@ -86,23 +86,15 @@ def test_remarks_that_name_a_folder_of_this_machine_stay_here(tmp_path):
 
 
 def test_what_is_there_is_left_if_it_is_the_same(built, tmp_path):
-    out = tmp_path / "one.zip"
-    list(pack(built, out, patterns=["streak-1"]))
-    list(pack(built, out, patterns=["streak-1"]))
-    with pytest.raises(InputError, match="another archive is there"):
-        list(pack(built, out, patterns=["storm-1"]))
-    with pytest.raises(InputError, match="one archive, for 3 variants"):
-        list(pack(built, tmp_path / "all.zip"))
-    with pytest.raises(InputError, match="no such variant"):
-        list(pack(built, tmp_path, patterns=["streak-2"]))
-
-
-@pytest.mark.parametrize("says", [None, {"licence": "my own"}, {"licence": "CC-BY-4.0", "shareable": False}])
-def test_what_may_not_be_handed_on_is_refused(tmp_path, says):
-    built = built_in(tmp_path, says=says)
-    with pytest.raises(InputError, match="does not allow to hand them on"):
-        list(pack(built, tmp_path / "out"))
-    assert not (tmp_path / "out").exists() or not list((tmp_path / "out").glob("*.zip"))
+    for _ in range(2):
+        list(pack(built, tmp_path / "one.zip", patterns=["streak-1"]))
+    for out, patterns, message in (
+        ("one.zip", ["storm-1"], "another archive is there"),
+        ("all.zip", (), "one archive, for 3 variants"),
+        (".", ["streak-2"], "no such variant"),
+    ):
+        with pytest.raises(InputError, match=message):
+            list(pack(built, tmp_path / out, patterns=patterns))
 
 
 def test_the_owner_states_the_licence(silent, tmp_path):
@@ -143,27 +135,17 @@ def test_layers_that_show_the_scene_go_with_its_licence(silent, effect, picture)
 
 
 def test_a_build_at_work_is_waited_for(built, tmp_path):
-    held, done = threading.Event(), []
-
-    def work():
+    with ThreadPoolExecutor() as other:
         with locked(built):
-            held.set()
+            packing = other.submit(lambda: list(pack(built, tmp_path, patterns=["clean"])))
             time.sleep(0.5)
-            done.append("built")
-
-    builder = threading.Thread(target=work)
-    builder.start()
-    held.wait()
-    list(pack(built, tmp_path, patterns=["clean"]))
-    assert done == ["built"]
-    builder.join()
+            assert not packing.done()
+        assert len(packing.result()) == 1
 
 
 def test_what_is_not_finished_is_refused(tmp_path):
     built = built_in(tmp_path)
-    entry = read_manifest(built.parent)["scenes"]["yard"]
-    facts = {key: value for key, value in entry.items() if key != "files"}
-    record_scene(built.parent, "yard", facts | {"patterns": ["streak-1"]})  # as if the storm were being drawn
+    record_scene(built.parent, "yard", facts_of(built) | {"patterns": ["streak-1"]})  # the storm is being drawn
     with pytest.raises(InputError, match="storm-1: its build is not finished"):
         list(pack(built, tmp_path / "out", patterns=["storm-1"]))
     shutil.copytree(built, built.with_name("begun"))
@@ -171,9 +153,9 @@ def test_what_is_not_finished_is_refused(tmp_path):
         list(pack(built.parent, tmp_path / "out"))
 
 
-@pytest.mark.parametrize("place", ["beside", "inside"])
-def test_other_software_reads_the_metadata(built, tmp_path, place):
-    """mlcroissant validates them, and finds every view in the files that they point to."""
+@pytest.mark.parametrize(("place", "kinds"), [("beside", ("rainy", "clean", "layers")), ("inside", ("rainy", "clean"))])
+def test_other_software_reads_the_metadata(built, tmp_path, place, kinds):
+    """mlcroissant validates them, and finds every view in the files that they point to, but no EXR on the disk."""
     mlcroissant = pytest.importorskip("mlcroissant", reason="the extra `sharing` is not installed")
     [(path, _)] = pack(built, tmp_path / "out", patterns=["streak-1"])
     metadata = path.with_suffix(".croissant.json")
@@ -185,8 +167,7 @@ def test_other_software_reads_the_metadata(built, tmp_path, place):
     assert not dataset.metadata.ctx.issues.errors
     views = {record["views/name"]: record["views/split"] for record in dataset.records("views")}
     assert list(views.values()).count("test") == 2
-    for kind in ("rainy", "clean", "layers") if place == "beside" else ("rainy", "clean"):  # it reads no EXR from disk
-        assert len(list(dataset.records(kind))) == 9
+    assert [len(list(dataset.records(kind))) for kind in kinds] == [9] * len(kinds)
 
 
 def test_the_commands(built, tmp_path, capsys):
