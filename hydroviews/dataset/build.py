@@ -38,7 +38,7 @@ from hydroviews.dataset.request import (
     refuse_own_capture,
     take_folder,
 )
-from hydroviews.dataset.statistics import write_statistics
+from hydroviews.dataset.statistics import write_statistics, write_summary
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import read_json
 from hydroviews.formats.capture_json import CAPTURED
@@ -186,6 +186,8 @@ def _write_rain(clean: Scene, folder: Path, rains: Sequence[Pattern], before: Be
             write_variant(clean, folder, rain, statistics)
         else:
             write_statistics(folder, rain.name)
+    if rains:
+        write_summary(folder)
 
 
 def _keep_or_refuse(folder: Path, outdated: Sequence[str], finished: bool) -> None:

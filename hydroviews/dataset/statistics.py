@@ -63,7 +63,7 @@ ANEW = "delete it and build again"
 
 
 def write_statistics(folder: Path, pattern: str) -> Path:
-    """Measure a finished variant and write its `statistics.csv`, then the scene's; what is there is kept.
+    """Measure a finished variant and write its `statistics.csv`; what is there is kept.
 
     Args:
         folder: of the built scene.
@@ -77,9 +77,17 @@ def write_statistics(folder: Path, pattern: str) -> Path:
     """
     path = folder / pattern / STATISTICS
     if not path.is_file():
-        _write(path, measure_variant(folder, pattern))
-    _write(folder / STATISTICS, summarise(folder))
+        write_csv(path, measure_variant(folder, pattern))
     return path
+
+
+def write_summary(folder: Path) -> None:
+    """Write the scene's `statistics.csv` from those of its variants, all of which are finished.
+
+    Raises:
+        InputError: a variant's facts or statistics are missing or unreadable, or the disk is full.
+    """
+    write_csv(folder / STATISTICS, summarise(folder))
 
 
 def measure_variant(folder: Path, pattern: str) -> "pd.DataFrame":
@@ -194,7 +202,3 @@ def _summary(views: "pd.DataFrame") -> dict[str, float]:
         least, most = (values.min(), values.max()) if len(values) else (np.nan, np.nan)
         summary |= {f"{name}_mean": mean, f"{name}_min": least, f"{name}_max": most}
     return summary
-
-
-def _write(path: Path, table: "pd.DataFrame") -> None:
-    write_csv(path, table)

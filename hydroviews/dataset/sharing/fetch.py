@@ -26,7 +26,7 @@ from hydroviews.dataset.sharing.archive import Packed, open_archive
 from hydroviews.dataset.sharing.contents import IMAGES, LAYERS
 from hydroviews.dataset.sharing.download import archive_on_disk
 from hydroviews.dataset.sharing.fetched import FETCHED
-from hydroviews.dataset.statistics import STATISTICS, write_statistics
+from hydroviews.dataset.statistics import STATISTICS, write_statistics, write_summary
 from hydroviews.errors import InputError
 from hydroviews.files import ownership
 from hydroviews.files.atomic import read_json
@@ -228,6 +228,8 @@ def _finish(packed: Packed, data: Path, folder: Path, entry: Mapping[str, Any] |
         link_shared(folder / name)
     for name in facts["patterns"]:
         write_statistics(folder, name)
+    if facts["patterns"]:
+        write_summary(folder)
     write_card(folder, captured or facts["patterns"], facts["notes"])
     for name in SUMMARIES:
         if (folder / name).is_file():

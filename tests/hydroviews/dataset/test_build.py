@@ -102,16 +102,19 @@ def test_views_of_other_parameters_are_not_mixed_in(scene, tmp_path, monkeypatch
 
 
 def test_a_finished_scene_is_repaired_whatever_it_lost(scene, tmp_path):
-    folder = build(scene, tmp_path / "data", patterns=[STREAK])
+    rains = [STREAK, Pattern("streak", 1)]
+    folder = build(scene, tmp_path / "data", patterns=rains)
     whole = contents(folder)
     for names in (
         ["clean/view-03.png", "streak-0/images/view-04.png", "streak-0/layers/view-05.exr"],
         ["streak-0/statistics.csv", "streak-0/transforms.json"],
         ["streak-0/pattern.json"],
+        ["streak-1/pattern.json"],
+        ["streak-0/pattern.json", "streak-1/pattern.json"],
     ):
         for name in names:
             (folder / name).unlink()
-        build(scene, tmp_path / "data", patterns=[STREAK])
+        build(scene, tmp_path / "data", patterns=rains)
         assert contents(folder) == whole, names
 
 

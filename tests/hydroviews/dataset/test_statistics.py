@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hydroviews import metrics
-from hydroviews.dataset.statistics import measure_view, read_statistics, write_statistics
+from hydroviews.dataset.statistics import measure_view, read_statistics, write_statistics, write_summary
 from hydroviews.errors import InputError
 from hydroviews.files.atomic import write_bytes, write_json
 from hydroviews.rain.layers import read_layers, write_layers
@@ -69,6 +69,7 @@ def test_a_row_a_view_says_what_the_files_say(built):
 def test_the_scene_has_a_row_a_variant(built):
     views = read_statistics(write_statistics(built, "streak-1"))
     write_statistics(built, "raindrop-0")
+    write_summary(built)
     table = read_statistics(built / "statistics.csv").set_index("pattern")
     assert list(table.index) == ["raindrop-0", "streak-1"]
     assert list(table.grade) == ["light", "medium"]
