@@ -8,6 +8,7 @@ import pycolmap
 import pytest
 import torch
 from distorted import LENS, colmap_capture
+from refusals import assert_refused
 from synthetic import capture_in
 
 from hydroviews import metrics
@@ -114,8 +115,7 @@ def test_nerfstudio_masks_by_path_and_beside(tmp_path, hidden):
     assert views[0].mask is None
     content["frames"][5]["mask_path"] = "gone.png"
     path.write_text(json.dumps(content))
-    with pytest.raises(InputError, match=r"gone\.png: no such mask"):
-        read_scene(tmp_path / "yard")
+    assert_refused(tmp_path / "yard", r"gone\.png: no such mask")
 
 
 def test_a_built_scene_keeps_masks_where_other_software_finds_them(capture, tmp_path, hidden):
