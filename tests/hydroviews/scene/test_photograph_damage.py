@@ -7,12 +7,11 @@ import numpy as np
 import PIL.Image
 import pytest
 import tifffile
-from synthetic import capture_in
+from synthetic import written_capture
 
 from hydroviews.dataset.build import build
 from hydroviews.errors import InputError
 from hydroviews.formats.read import read_scene
-from hydroviews.formats.writers import write_colmap
 from hydroviews.scene.images import read_image
 from hydroviews.scene.photograph_damage import require_whole
 from hydroviews.scene.tiff_damage import tiff_fault
@@ -35,6 +34,21 @@ def sector_of_zeros(content):
     content[8192 : 8192 + 4096] = 0
 
 
+def other_bytes(content):
+    content[len(content) // 2 :][:60] = np.random.default_rng(1).integers(0, 256, 60)
+
+
+def with_damage(damage, content):
+    """The bytes after one of the above."""
+    damage(content)
+    return content.tobytes()
+
+
+def write(path, content):
+    path.write_bytes(content)
+    return path
+
+
 def test_damage_in_the_middle_is_told_and_whole_pictures_are_not(tmp_path):
     whole, damaged = [tmp_path / "picture.png", tmp_path / "missing.jpg"], []
     whole[0].write_bytes(b"no JPEG")
@@ -44,9 +58,8 @@ def test_damage_in_the_middle_is_told_and_whole_pictures_are_not(tmp_path):
         whole += [write(tmp_path / f"{name}.jpg", content)]
         whole += [write(tmp_path / f"{name}-padded.jpg", content[:-2] + b"\0\0" + content[-2:])]  # as some cameras do
         for damage in (random_bytes, sector_of_zeros):
-            content = jpeg(settings)
-            damage(content)
-            damaged += [write(tmp_path / f"{name}-{damage.__name__}.JPEG", content.tobytes())]
+            content = with_damage(damage, jpeg(settings))
+            damaged += [write(tmp_path / f"{name}-{damage.__name__}.JPEG", content)]
     assert read_image(damaged[1]).shape == (240, 320, 3)  # OpenCV sees a picture
     require_whole(whole, "")
     expected = r"plain-random_bytes\.JPEG: a damaged JPEG, and 5 more photographs\n  found: Corrupt JPEG data"
@@ -62,26 +75,19 @@ def tiff(path, compression, dtype=np.uint8):
     return path
 
 
-def other_bytes(content):
-    content[len(content) // 2 :][:60] = np.random.default_rng(1).integers(0, 256, 60)
-
-
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 @pytest.mark.parametrize("compression", [5, 8, 32946], ids=["lzw", "deflate", "adobe"])
 @pytest.mark.parametrize("damage", [random_bytes, sector_of_zeros, other_bytes])
 def test_a_damaged_tiff_has_a_fault_and_a_whole_one_none(tmp_path, compression, damage, dtype):
     path = tiff(tmp_path / "a.tif", compression, dtype)
     assert not tiff_fault(path)
-    content = np.fromfile(path, np.uint8)
-    damage(content)
-    assert re.match("strip [0-9]+ of 15: ", tiff_fault(write(path, content.tobytes())))
+    damaged = with_damage(damage, np.fromfile(path, np.uint8))
+    assert re.match("strip [0-9]+ of 15: ", tiff_fault(write(path, damaged)))
 
 
 def test_a_damaged_tiff_is_told(tmp_path):
     whole = [tiff(tmp_path / f"{compression}.tif", compression) for compression in (1, 5)]
-    content = np.fromfile(whole[1], np.uint8)
-    other_bytes(content)
-    damaged = write(tmp_path / "damaged.tif", content.tobytes())
+    damaged = write(tmp_path / "damaged.tif", with_damage(other_bytes, np.fromfile(whole[1], np.uint8)))
     with pytest.raises(InputError, match=r"/damaged\.tif: a damaged TIFF\n  found: strip [0-9]+ of 15: "):
         require_whole([*whole, damaged], "")
 
@@ -132,23 +138,14 @@ def test_other_bytes_before_the_end_mark_are_damage(tmp_path, settings, lost, in
         require_whole([write(tmp_path / "a.jpg", content[: -2 - lost] + instead + content[-2:])], "")
 
 
-def write(path, content):
-    path.write_bytes(content)
-    return path
-
-
 def test_a_ground_truth_is_not_made_of_a_damaged_photograph(tmp_path):
-    capture = tmp_path / "capture" / "yard"
-    scene = capture_in(capture, width=320, height=240)
-    write_colmap(scene, capture / "sparse" / "0")
+    capture = written_capture(tmp_path / "capture" / "yard", width=320, height=240)
     content = jpeg(PLAIN)
-    for view in scene.views:
-        view.path.unlink()
-        view.path.with_suffix(".jpg").write_bytes(content.tobytes())
-    sector_of_zeros(content)
-    bad = capture / "images" / "view-05.jpg"
-    whole = bad.read_bytes()
-    bad.write_bytes(content.tobytes())
+    whole = content.tobytes()
+    for path in list((capture / "images").glob("view-*.png")):
+        path.unlink()
+        write(path.with_suffix(".jpg"), whole)
+    bad = write(capture / "images" / "view-05.jpg", with_damage(sector_of_zeros, content))
     with pytest.raises(InputError, match=r"view-05\.jpg: a damaged JPEG\n"):
         build(read_scene(capture), tmp_path / "data", patterns=[])
     assert not list((tmp_path / "data").rglob("*.png"))
