@@ -44,7 +44,7 @@ def loss(statistics, rainy_views) -> float:
     return 10 * np.log10(1 + np.mean(errors) / (CLEAN_ERROR * statistics.detail))
 
 
-def streaks_over(drawn, statistics):
+def streaks_over(drawn):
     """Fresh streaks, by no generator that the calibration has, over every view."""
     seeds = iter(range(1000))
 
@@ -75,15 +75,14 @@ def wet_lens_over(drawn, statistics):
 
 def test_streaks_cost_a_plain_reconstruction_what_their_grade_says(statistics):
     drawn = [draw("streak", i, statistics) for i in range(3)]
-    losses = [loss(statistics, streaks_over(pattern, statistics)) for pattern in drawn]
+    losses = [loss(statistics, streaks_over(pattern)) for pattern in drawn]
     assert losses[:2] == pytest.approx(LOSSES["streak"][:2], abs=0.5)
     assert losses[1] + 1 < losses[2] <= LOSSES["streak"][2]
     assert (drawn[2].n, drawn[2].brightness) == (300, 1)  # the most; this scene has too little contrast
 
 
 def test_drops_and_mist_cost_a_plain_reconstruction_what_their_grade_says(statistics):
-    drawn = [draw("raindrop", i, statistics) for i in range(3)]
-    losses = [loss(statistics, wet_lens_over(pattern, statistics)) for pattern in drawn]
+    losses = [loss(statistics, wet_lens_over(draw("raindrop", i, statistics), statistics)) for i in range(3)]
     assert losses == pytest.approx(LOSSES["raindrop"], abs=0.6)
 
 
