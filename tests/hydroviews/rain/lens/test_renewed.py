@@ -82,10 +82,9 @@ def test_one_view_and_two_sizes_of_picture(tmp_path, monkeypatch):
     for k in (2, 4):
         rain, views = prepared_lens(SMALL, camera(40 * k, 30 * k), tmp_path / str(k), count=1)
         layers = rain.layers(grey[: 30 * k, : 40 * k], views[0])
-        masks.append(layers["M"])
-        np.testing.assert_allclose(
-            layers["R"] - 0.6 * (1 - layers["M"]) * layers["V"], 0.2140411 * layers["M"], atol=1e-3
-        )
+        mask, veil = layers["M"], layers["V"]
+        masks.append(mask)
+        np.testing.assert_allclose(layers["R"] - 0.6 * (1 - mask) * veil, 0.2140411 * mask, atol=1e-3)
     small = masks[1].reshape(60, 2, 80, 2).mean(axis=(1, 3))
     assert np.corrcoef(small.ravel(), masks[0].ravel())[0, 1] > 0.9  # drops sit on whole pixels
     assert masks[0].mean() > 0.05

@@ -43,13 +43,14 @@ def picture(seed: int) -> np.ndarray:
     return np.random.default_rng(seed).uniform(0, 1, (45, 60, 3)).astype(np.float32)
 
 
-def half_wet(pattern, camera, folder, frame):
-    """A matte whose left half is water that is bright below; its paths end where they begin."""
-    none = dry(camera.height, camera.width, window=True)
+@pytest.fixture
+def half_wet(monkeypatch):
+    """The left half of every pane is water that is bright below; its paths end where they begin."""
+    none = dry(45, 60, window=True)
     mask, sky = np.zeros_like(none.mask), np.zeros_like(none.mask)
-    mask[:, : camera.width // 2] = 0.9
-    sky[camera.height // 2 :, : camera.width // 2] = 0.9
-    return PathMatte(mask, mask, none.pixels, none.paths, 0.0, sky)
+    mask[:, :30], sky[22:, :30] = 0.9, 0.9
+    matte = PathMatte(mask, mask, none.pixels, none.paths, 0.0, sky)
+    monkeypatch.setattr("hydroviews.rain.lens.raindrops.bake_matte", lambda *_: matte)
 
 
 def test_grades_have_kinds_of_their_own_and_the_same_seed_the_same_pattern():
@@ -81,11 +82,10 @@ def test_film_that_harms_too_much_has_fewer_bands():
     assert grade_window(film, "heavy", dear).film == 6  # heavy panes keep all of theirs
 
 
-def test_the_rainy_view_follows_from_layers_and_parameters_alone(tmp_path, monkeypatch):
-    monkeypatch.setattr("hydroviews.rain.lens.raindrops.bake_matte", half_wet)
-    scene = statistics()
+@pytest.mark.usefixtures("half_wet")
+def test_the_rainy_view_follows_from_layers_and_parameters_alone(tmp_path):
+    scene, clean = statistics(), picture(0)
     rain = Window(replace(PANE, mist_blur=0.0), scene)
-    clean = picture(0)
     layers = fall(rain.prepare(CAMERA, tmp_path), clean, scene.views[0])
     assert set(layers) == {"M", "V", "R", "G", "B"}
     rainy = WindowEffect().composite(rain.parameters, clean, layers)
@@ -94,13 +94,16 @@ def test_the_rainy_view_follows_from_layers_and_parameters_alone(tmp_path, monke
     assert np.allclose(rainy, expected, atol=1e-6)
 
 
-def test_own_light_does_not_depend_on_the_scene(tmp_path, monkeypatch):
-    monkeypatch.setattr("hydroviews.rain.lens.raindrops.bake_matte", half_wet)
+@pytest.mark.usefixtures("half_wet")
+def test_own_light_does_not_depend_on_the_scene(tmp_path):
     scene = statistics()
-    own, mixed = (Window(replace(PANE, own_light=share), scene).prepare(CAMERA, tmp_path) for share in (1.0, 0.5))
-    (one, other), (first, second) = (
-        [rain.layers(clean, scene.views[0]) for clean in (picture(0), picture(1) ** 2)] for rain in (own, mixed)
-    )
+
+    def panes(share):
+        rain = Window(replace(PANE, own_light=share), scene).prepare(CAMERA, tmp_path)
+        return [rain.layers(clean, scene.views[0]) for clean in (picture(0), picture(1) ** 2)]
+
+    one, other = panes(1.0)
+    first, second = panes(0.5)
     assert all(np.array_equal(one[name], other[name]) for name in one)
     assert one["G"][40, :20].mean() > 3 * one["G"][5, :20].mean()
     assert not np.array_equal(first["R"], second["R"])
