@@ -144,7 +144,11 @@ def test_photographs_that_are_not_read_are_named(tmp_path, cameras, message):
         (None, {"w": int("9" * 400)}, "not valid JSON\n  found: an integer of 400 digits"),
         (None, {"w": 1e300}, "impossible size"),
         *((None, {"fl_x": odd}, "fl_x is not a number") for odd in ("long", [1])),
-        *((None, {"frames": odd}, "no frames") for odd in ({"0": 1}, [3])),
+        *((None, {"frames": odd}, "no frames") for odd in ({"0": 1}, [3], [])),
+        (None, {"fl_x": None, "fl_y": None}, "no focal length"),
+        (None, {"k4": 0.1}, "fourth radial coefficient"),
+        (None, {"camera_model": "EQUIRECTANGULAR"}, "EQUIRECTANGULAR is not supported"),
+        (None, {"w": 100}, "image and camera differ in size"),
         *(
             (None, {"fl_x": None, "fl_y": None, "camera_angle_x": angle}, "0: impossible camera_angle_x")
             for angle in (0.0, -1.0, 4.0)
@@ -156,6 +160,7 @@ def test_photographs_that_are_not_read_are_named(tmp_path, cameras, message):
         (1, {"mask_path": "../mask.png"}, "mask_path: a name that leads out of the capture"),
         (1, {"transform_matrix": [[10**299, i, 0, 0] for i in range(4)]}, "1: the pose is not rigid"),
         (1, {"transform_matrix": [[1e308, 1e308, 1e308, 0.0]] * 4}, "1: the pose is not rigid"),
+        (1, {"transform_matrix": None}, "frame 1 is not complete"),
         (1, {"transform_matrix": {"a": 1}}, "1: the pose is not a matrix of numbers"),
         (1, {"transform_matrix": np.full((4, 4), math.nan).tolist()}, "1: the pose has numbers that are not finite"),
         (1, {"transform_matrix": np.diag([0.0, 0, 0, 1]).tolist()}, "1: the pose is not rigid"),
