@@ -47,12 +47,11 @@ def test_largest_of_several_models_is_taken_and_unregistered_photographs_are_cou
 
 @pytest.mark.parametrize("place", ["sparse", "colmap/sparse/0", "."])
 def test_models_in_other_places_are_found(tmp_path, place):
-    folder = colmap_capture(tmp_path)
-    (folder / "sparse").rename(folder / "moved")
-    (folder / place).mkdir(parents=True, exist_ok=True)
-    for file in (folder / "moved" / "0").iterdir():
-        file.rename(folder / place / file.name)
-    assert len(read_scene(folder).views) == 9
+    model = (colmap_capture(tmp_path) / "sparse").rename(tmp_path / "moved") / "0"
+    (tmp_path / place).mkdir(parents=True, exist_ok=True)
+    for file in model.iterdir():
+        file.rename(tmp_path / place / file.name)
+    assert len(read_scene(tmp_path).views) == 9
 
 
 def test_smaller_photographs_in_another_format(tmp_path):
@@ -61,9 +60,9 @@ def test_smaller_photographs_in_another_format(tmp_path):
     write_model(tmp_path / "sparse" / "0", [f"view{i}.JPG" for i in range(3)])
     view = read_scene(tmp_path).views[0]
     assert view.path.name == "view0.png"
-    pinhole = LENS.pinhole((48, 36))
+    pinhole, whole = LENS.pinhole((48, 36)), LENS.pinhole()
     assert (view.camera.width, view.camera.height) == pinhole[:2]
-    assert pinhole.fx / pinhole.width == pytest.approx(LENS.pinhole().fx / LENS.pinhole().width)
+    assert pinhole.fx / pinhole.width == pytest.approx(whole.fx / whole.width)
     x, y = np.meshgrid(np.arange(pinhole.width) + 0.5, np.arange(pinhole.height) + 0.5)
     expected = colours(np.stack([(x - pinhole.cx) / pinhole.fx, (y - pinhole.cy) / pinhole.fy], axis=-1))
     assert np.abs(view.image() - expected)[1:-1, 1:-1].max() < 0.03
@@ -146,18 +145,17 @@ def test_images_of_a_camera_that_is_not_there(tmp_path):
     assert_refused(tmp_path, r"names cameras that cameras\.\* lacks\n.*camera 1\n.*\[7\]")
 
 
-def sparse_points(errors, tracks):
-    return SparsePoints(np.zeros((len(errors), 3)), np.zeros((len(errors), 3), np.uint8), errors, tracks)
+def n_reliable(errors, tracks):
+    places = np.zeros((len(errors), 3))
+    return len(reliable(SparsePoints(places, places.astype(np.uint8), errors, tracks)))
 
 
 @pytest.mark.parametrize("count", [300, 3000])
 @pytest.mark.parametrize(("error", "track"), [(5.0, 3), (0.5, 2)], ids=["far off", "seen by two"])
 def test_points_that_cannot_be_relied_on_are_left_out(count, error, track):
     bad = np.arange(count) % 3 == 0
-    points = sparse_points(np.where(bad, error, 0.5), np.where(bad, track, 3))
-    assert len(reliable(points)) == count * 2 / 3
-    too_few = sparse_points(np.where(np.arange(9) == 0, 0.5, 5.0), np.full(9, 4))
-    assert len(reliable(too_few)) == 9  # all are taken
+    assert n_reliable(np.where(bad, error, 0.5), np.where(bad, track, 3)) == count * 2 / 3
+    assert n_reliable(np.where(np.arange(9) == 0, 0.5, 5.0), np.full(9, 4)) == 9  # too few otherwise: all are taken
 
 
 def test_bonsai_flags_exactly_the_misplaced_cameras():

@@ -1,5 +1,3 @@
-"""Recipes of rain for pairs: mist, streaks, drops, panes, and the windows of the data set."""
-
 import numpy as np
 import pytest
 from wet import HEIGHT, WIDTH, lens, photograph

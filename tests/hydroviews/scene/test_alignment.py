@@ -1,5 +1,3 @@
-"""Similarities between cameras, and what separates estimated cameras from true ones."""
-
 import numpy as np
 import pytest
 from random_cameras import cameras, rotations, similarity

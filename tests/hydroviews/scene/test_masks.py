@@ -1,5 +1,3 @@
-"""Masks from the file to the score."""
-
 import json
 
 import cv2

@@ -25,10 +25,10 @@ def folder(tmp_path):
 def test_rainy_and_clean_photographs_of_the_same_names_share_cameras(folder):
     scene = read_scene(folder)
     assert scene.captured_rainy
-    assert {view.path.parent.name for view in scene.views} == {"rainy"}
-    assert {view.path.parent.name for view in scene.clean_views} == {"clean"}
-    centres = [[view.camera.centre.tolist() for view in views] for views in (scene.clean_views, scene.views)]
-    assert centres[0] == centres[1]
+    assert [view.path.parent.name for view in scene.views] == ["rainy"] * 9
+    assert [view.path.parent.name for view in scene.clean_views] == ["clean"] * 9
+    for view, clean in zip(scene.views, scene.clean_views, strict=True):
+        assert np.array_equal(view.camera.centre, clean.camera.centre)
     assert "paired: 9 rainy photographs, 9 clean; all views to train on are clean too" in scene.notes
     assert not any("no clean views" in note for note in scene.notes)
 
@@ -83,8 +83,7 @@ def test_the_same_file_in_both_folders_is_no_rain(folder):
 
 
 def test_of_two_sizes_the_smaller_is_taken(folder):
-    for name in NAMES[:4]:
-        path = folder / "clean" / f"{name}.png"
+    for path in [folder / "clean" / f"{name}.png" for name in NAMES[:4]]:
         write_png(path, resize_area(read_image(path), 24, 18))
     scene = read_scene(folder)
     rainy, clean = scene.views[2], scene.clean_views[2]

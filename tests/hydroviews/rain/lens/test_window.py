@@ -1,5 +1,3 @@
-"""The effect `window`, from the pattern to the picture."""
-
 import json
 from dataclasses import replace
 

@@ -1,5 +1,3 @@
-"""Bright and dark parts of drops, and tilted panes."""
-
 from dataclasses import replace
 
 import numpy as np

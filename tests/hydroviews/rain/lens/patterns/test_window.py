@@ -1,5 +1,3 @@
-"""What is on a pane: settings by grade, beads, film, mist."""
-
 from dataclasses import replace
 
 import numpy as np
