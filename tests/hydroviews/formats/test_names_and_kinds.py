@@ -125,15 +125,6 @@ def test_jpegs_called_heic_are_to_be_renamed(tmp_path):
     assert not_read(tmp_path) == "5 .heic, which are not read: convert them to .png or .jpg"
 
 
-@pytest.mark.parametrize("suffix", [".exr", ".hdr", ".gpr", ".insp", ".tga", ".psd"])
-def test_photographs_of_formats_that_are_not_read_are_counted(tmp_path, suffix):
-    folder = write_room(scene_in_room(tmp_path / "walk"), tmp_path / "walk", "colmap")
-    for path in list((folder / "images").iterdir()):
-        path.with_suffix(suffix).write_bytes(b"something else")
-        path.unlink()
-    assert_refused(folder, rf"found: 9 {suffix}, which are not read")
-
-
 def test_an_archive_is_to_be_unpacked(tmp_path):
     files(tmp_path / "walk", "a.png")
     archive = shutil.make_archive(str(tmp_path / "walk"), "zip", tmp_path / "walk")

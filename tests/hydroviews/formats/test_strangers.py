@@ -2,6 +2,7 @@
 
 import json
 import math
+import shutil
 
 import numpy as np
 import PIL.Image
@@ -120,19 +121,19 @@ def test_a_model_of_two(tmp_path):
     assert_refused(tmp_path, r"one file is binary and one is text\n  found: cameras\.txt and images\.bin")
 
 
+@pytest.mark.parametrize("suffix", [".gif", ".exr", ".hdr", ".gpr", ".insp", ".tga", ".psd"])
 @pytest.mark.parametrize(
     ("cameras", "message"), [(True, "no photographs beside the cameras"), (False, "no cameras")], ids=["model", "none"]
 )
-def test_photographs_that_are_not_read_are_named(tmp_path, cameras, message):
+def test_photographs_that_are_not_read_are_named(tmp_path, cameras, message, suffix):
     write("colmap text", tmp_path, Stranger())
-    for path in (tmp_path / "images").iterdir():
-        path.unlink()
-    for place in ("images", "images/more"):
-        (tmp_path / place).mkdir(exist_ok=True)
-        PIL.Image.new("P", (96, 72)).save(tmp_path / place / "a.gif")
+    shutil.rmtree(tmp_path / "images")
+    (tmp_path / "images" / "more").mkdir(parents=True)
+    for name in ("a", "more/a"):
+        (tmp_path / "images" / f"{name}{suffix}").write_bytes(b"GIF89a" if suffix == ".gif" else b"something else")
     if not cameras:
         (tmp_path / "sparse" / "0" / "images.txt").unlink()
-    assert_refused(tmp_path, f"{message}\n  found: 2 .gif, which are not read")
+    assert_refused(tmp_path, f"{message}\n  found: 2 {suffix}, which are not read")
 
 
 @pytest.mark.parametrize(
