@@ -116,10 +116,6 @@ def test_held_out_views_lie_between_two_training_views(n_views, name):
     assert len(np.unique(centres.round(6), axis=0)) == n_views
 
 
-def edges(mesh: Mesh) -> list[tuple[int, int]]:
-    return [(face[i - 1], face[i]) for face in mesh.faces for i in range(len(face))]
-
-
 def volume(mesh: Mesh) -> float:
     """By the divergence theorem, faces cut into triangles."""
     corners = [(f[0], f[i], f[i + 1]) for f in mesh.faces for i in range(1, len(f) - 1)]
@@ -142,7 +138,8 @@ def volume(mesh: Mesh) -> float:
 )
 def test_solids_are_closed_and_face_outwards(mesh, expected):
     assert volume(mesh) == pytest.approx(expected, rel=0.02)
-    assert sorted(edges(mesh)) == sorted((b, a) for a, b in edges(mesh))
+    edges = [(face[i - 1], face[i]) for face in mesh.faces for i in range(len(face))]
+    assert sorted(edges) == sorted((b, a) for a, b in edges)
 
 
 PATTERNS = [textures.bricks(8, 4), textures.stones(60), textures.planks(5), textures.shingles(8, 8), textures.checks(6)]
@@ -182,8 +179,7 @@ def test_the_same_seed_builds_the_same_scene(name):
 
 def eyes_of(name: str) -> np.ndarray:
     """Places of the cameras of three seeds [N, 3]."""
-    seeds = range(3)
-    return np.array([c.centre for seed in seeds for c in place_cameras(DESIGNS[name].path, 60, 64, 48, seed)])
+    return np.array([c.centre for seed in range(3) for c in place_cameras(DESIGNS[name].path, 60, 64, 48, seed)])
 
 
 @pytest.mark.parametrize("name", EMBEDDED)
@@ -288,11 +284,9 @@ def test_an_interrupted_capture_is_unfinished_and_resumes_to_the_same_bytes(capt
 @needs_blender
 def test_a_finished_capture_is_left_alone_and_another_request_starts_over(capture, monkeypatch):
     name, folder = capture
-    with monkeypatch.context() as patch:
-        patch.setattr(captures, "run_blender", pytest.fail)
-        render_embedded(name, folder, VIEWS, *SIZE, seed=5)
-    before = files(folder)
-    asked = []
+    monkeypatch.setattr(captures, "run_blender", pytest.fail)
+    render_embedded(name, folder, VIEWS, *SIZE, seed=5)
+    before, asked = files(folder), []
     monkeypatch.setattr(captures, "run_blender", lambda module, request, log, label: asked.append(files(folder)))
     render_embedded(name, folder, VIEWS, *SIZE, seed=6)
     assert not [path for path in asked[0] if path != "request.json"]

@@ -1,5 +1,3 @@
-"""Clouds of other programs: doubles, names of columns, coordinates of a country."""
-
 from dataclasses import replace
 
 import numpy as np

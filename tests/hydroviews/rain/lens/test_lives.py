@@ -1,5 +1,3 @@
-"""When renewed drops come and go: shares, room, and that a view alone decides."""
-
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise

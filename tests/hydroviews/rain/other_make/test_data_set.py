@@ -1,5 +1,3 @@
-"""Both effects through everything that a data set goes through."""
-
 import numpy as np
 import pytest
 from synthetic import capture_in

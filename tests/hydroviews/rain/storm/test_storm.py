@@ -145,16 +145,16 @@ def test_streaks_lean_with_the_wind(wind):
 
 
 def test_up_is_told_from_level_cameras():
-    ring = [View(str(i), ring_camera(i, 48, 36), None) for i in range(9)]
-    assert np.allclose(up_direction(ring), [0, -1, 0], atol=3e-3)
-    tilt = cv2.Rodrigues(np.array([0.5, 0, 0]))[0]  # all look the same way, down
-    pose = np.eye(4)
-    pose[:3, :3] = tilt
-    tilted = [View("a", Camera(4, 3, 4, 4, 2, 1.5, pose), None)]
-    assert np.allclose(up_direction(tilted), -tilt[1], atol=1e-9)
-    turned = np.diag([-1.0, -1, 1, 1])  # on its head
+    def up(*cameras):
+        return up_direction([View(str(i), camera, None) for i, camera in enumerate(cameras)])
+
+    assert np.allclose(up(*(ring_camera(i, 48, 36) for i in range(9))), [0, -1, 0], atol=3e-3)
+    tilt = np.eye(4)  # all look the same way, down
+    tilt[:3, :3] = cv2.Rodrigues(np.array([0.5, 0, 0]))[0]
+    assert np.allclose(up(replace(camera(), world_to_camera=tilt)), -tilt[1, :3], atol=1e-9)
+    on_its_head = replace(camera(), world_to_camera=np.diag([-1.0, -1, 1, 1]))
     with pytest.raises(InputError, match="which way is up"):
-        up_direction([View("a", camera(), None), View("b", replace(camera(), world_to_camera=turned), None)])
+        up(camera(), on_its_head)
 
 
 def test_scale_is_estimated_from_what_cameras_look_at(statistics):
@@ -219,8 +219,7 @@ def test_the_veil_grows_with_distance_and_is_mixed_at_edges(yard):
     storm = Storm(replace(PATTERN, density=20.0), yard)
     view = camera(80, 60)
     clean, depth = np.full((60, 80, 3), 0.2, np.float32), np.full((60, 80), 5.0, np.float32)
-    depth[:, 40:] = np.inf
-    clean[:, 41:] = 0.8
+    depth[:, 40:], clean[:, 41:] = np.inf, 0.8
     clean[:, 40] = 0.5  # half of it is the far side
     veil = storm.veil(view, depth, clean)
     near, sky = veil[:, 30].mean(), veil[:, 70].mean()
