@@ -35,7 +35,6 @@ def test_a_data_set_is_built_verified_described_and_shown(built):
 
 @pytest.mark.parametrize("pattern", PATTERNS)
 def test_masks_of_drops_and_streaks_are_the_planes_that_share_names(built, pattern):
-    """Wherever the plane of water or streaks, mist and light are nought, the rainy view is the clean one."""
     effect = find_effect(pattern.effect)
     covers = [name for name, plane in effect.planes.items() if plane.share]
     assert {effect.planes[name].share for name in covers} & {"water", "streaks"}

@@ -72,7 +72,6 @@ def test_drops_stay_or_drift_as_key_frames_say(statistics):
 
 
 def test_the_rainy_view_is_the_equation_in_encoded_values(statistics):
-    """Drops and mist over the view, written out in float64; where there is neither, nothing changes."""
     rain, view = WetLens(replace(PATTERN, mist_contrast=1.0), statistics), statistics.views[1]
     clean = view.image()
     layers = fall(rain.prepare(view.camera, view.path.parent), clean, view)
