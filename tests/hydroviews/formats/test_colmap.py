@@ -79,6 +79,8 @@ def test_split_of_a_built_scene_and_of_its_variants(tmp_path):
             read = read_scene(folder)
             assert (read.split.train, read.split.test) == (("view01", "view02"), ("view05",))
             assert read.views[0].path.parent == folder / ("clean" if folder == scene else "images")
+    (scene / "split.json").write_text("[]")
+    assert_refused(scene, r"split\.json: not a split")
 
 
 def test_photographs_in_folders_keep_apart(tmp_path):
