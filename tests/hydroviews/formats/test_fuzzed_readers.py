@@ -86,9 +86,8 @@ def check_possible(scene: Scene) -> None:
     assert len(scene.views) >= 3
     for view in scene.views:
         camera = view.camera
-        assert camera.fx > 0
-        assert camera.fy > 0
         assert np.isfinite(camera.matrix).all()
+        assert min(camera.fx, camera.fy) > 0
         assert np.abs(camera.centre).max() <= 2 * FARTHEST
         assert 0 < camera.width * camera.height < 10**6
         view.name.encode()

@@ -1,22 +1,22 @@
 import numpy as np
 import pytest
+from refusals import assert_refused
 from synthetic import capture_in
 
-from hydroviews.errors import InputError
 from hydroviews.formats.read import read_scene
 
 
 @pytest.fixture
 def scene(tmp_path):
-    """A capture, and the same one in NSVF's layout in `nsvf`."""
-    scene = capture_in(tmp_path / "yard")
-    (tmp_path / "nsvf" / "pose").mkdir(parents=True)
-    (tmp_path / "yard" / "images").rename(tmp_path / "nsvf" / "rgb")
+    """What the folder has in NSVF's layout."""
+    scene = capture_in(tmp_path)
+    (tmp_path / "images").rename(tmp_path / "rgb")
+    (tmp_path / "pose").mkdir()
     for view in scene.views:
-        np.savetxt(tmp_path / "nsvf" / "pose" / f"{view.name}.txt", np.linalg.inv(view.camera.world_to_camera))
+        np.savetxt(tmp_path / "pose" / f"{view.name}.txt", np.linalg.inv(view.camera.world_to_camera))
     matrix = np.eye(4)
     matrix[:3, :3] = scene.views[0].camera.matrix
-    np.savetxt(tmp_path / "nsvf" / "intrinsics.txt", matrix)
+    np.savetxt(tmp_path / "intrinsics.txt", matrix)
     return scene
 
 
@@ -25,8 +25,8 @@ def test_cameras_are_the_ones_written(scene, tmp_path, short):
     if short:  # the form of the synthetic scenes: f cx cy, then other things
         camera = scene.views[0].camera
         text = f"{camera.fx} {camera.cx} {camera.cy} 0.\n0. 0. 0.\n0.\n1.\n{camera.height} {camera.width}\n"
-        (tmp_path / "nsvf" / "intrinsics.txt").write_text(text)
-    read = read_scene(tmp_path / "nsvf")
+        (tmp_path / "intrinsics.txt").write_text(text)
+    read = read_scene(tmp_path)
     assert read.split == scene.split
     for ours, given in zip(read.views, scene.views, strict=True):
         assert ours.name == given.name
@@ -35,10 +35,10 @@ def test_cameras_are_the_ones_written(scene, tmp_path, short):
 
 
 def test_the_matrix_may_have_two_focal_lengths(scene, tmp_path):
-    matrix = np.loadtxt(tmp_path / "nsvf" / "intrinsics.txt")
+    matrix = np.loadtxt(tmp_path / "intrinsics.txt")
     matrix[1, 1] *= 1.1
-    np.savetxt(tmp_path / "nsvf" / "intrinsics.txt", matrix)
-    assert np.allclose(read_scene(tmp_path / "nsvf").views[0].camera.matrix, matrix[:3, :3])
+    np.savetxt(tmp_path / "intrinsics.txt", matrix)
+    assert np.allclose(read_scene(tmp_path).views[0].camera.matrix, matrix[:3, :3])
 
 
 @pytest.mark.parametrize(
@@ -53,9 +53,7 @@ def test_the_matrix_may_have_two_focal_lengths(scene, tmp_path):
     ],
 )
 def test_damage_is_told(scene, tmp_path, file, content, message):
-    path = tmp_path / "nsvf" / file
-    path.unlink()
+    (tmp_path / file).unlink()
     if content is not None:
-        path.write_text(content)
-    with pytest.raises(InputError, match=message):
-        read_scene(tmp_path / "nsvf")
+        (tmp_path / file).write_text(content)
+    assert_refused(tmp_path, message)

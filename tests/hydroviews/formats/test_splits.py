@@ -13,14 +13,12 @@ TEST = ("view-03", "view-04", "view-05")
 TRAIN = tuple(name for name in NAMES if name not in TEST)
 
 
-@pytest.fixture
-def nerfstudio(tmp_path):
-    return write_room(scene_in_room(tmp_path / "walk"), tmp_path / "walk", "nerfstudio")
-
-
 @pytest.fixture(params=["colmap", "nerfstudio"])
 def capture(tmp_path, request):
     return write_room(scene_in_room(tmp_path / "walk"), tmp_path / "walk", request.param)
+
+
+in_nerfstudio = pytest.mark.parametrize("capture", ["nerfstudio"], indirect=True)
 
 
 def split_of(folder):
@@ -62,34 +60,32 @@ def test_a_split_of_other_photographs_is_not_used_and_told(capture, caplog):
     assert "the split of train_list.txt, test_list.txt is not used" in caplog.text
 
 
+@in_nerfstudio
 @pytest.mark.parametrize("parts", [("train", "test"), ("train", "val", "test"), ("train", "val"), ("test",)])
-def test_names_of_files_in_transforms(nerfstudio, parts):
-    path = nerfstudio / "transforms.json"
+def test_names_of_files_in_transforms(capture, parts):
+    path = capture / "transforms.json"
     content = json.loads(path.read_text())
     for part in parts:
-        names = TRAIN if part == "train" else TEST
-        content[f"{part}_filenames"] = [f"images/{name}.png" for name in names]
+        content[f"{part}_filenames"] = [f"images/{name}.png" for name in (TRAIN if part == "train" else TEST)]
     path.write_text(json.dumps(content))
-    train, test, said = split_of(nerfstudio)
+    train, test, said = split_of(capture)
     assert (train, test) == (TRAIN, TEST)
     assert "split of transforms.json: 6 views to train on, 3 held out" in said
 
 
-def test_a_file_for_each_part(nerfstudio):
+@in_nerfstudio
+def test_a_file_for_each_part(capture):
     """As Blender captures have them: names without suffix, one field of view."""
-    content = json.loads((nerfstudio / "transforms.json").read_text())
-    frames = content.pop("frames")
-    for i, frame in enumerate(frames):
-        part = ("train", "test", "val")[0 if i < 6 else 1 if i < 8 else 2]
-        (nerfstudio / part).mkdir(exist_ok=True)
-        shutil.move(nerfstudio / frame["file_path"], nerfstudio / part / f"r_{i}.png")
-        path = nerfstudio / f"transforms_{part}.json"
-        own = json.loads(path.read_text()) if path.is_file() else {"camera_angle_x": 1.1171, "frames": []}
-        own["frames"].append({"file_path": f"./{part}/r_{i}", "transform_matrix": frame["transform_matrix"]})
-        path.write_text(json.dumps(own))
-    (nerfstudio / "transforms.json").unlink()
-    assert has_cameras(nerfstudio)
-    scene = read_scene(nerfstudio)
+    frames = json.loads((capture / "transforms.json").read_text())["frames"]
+    for part, numbers in (("train", range(6)), ("test", range(6, 8)), ("val", range(8, 9))):
+        own = [{**frames[i], "file_path": f"./{part}/r_{i}"} for i in numbers]
+        (capture / f"transforms_{part}.json").write_text(json.dumps({"camera_angle_x": 1.1171, "frames": own}))
+        (capture / part).mkdir()
+        for i in numbers:
+            shutil.move(capture / frames[i]["file_path"], capture / part / f"r_{i}.png")
+    (capture / "transforms.json").unlink()
+    assert has_cameras(capture)
+    scene = read_scene(capture)
     assert scene.split.train == tuple(f"r_{i}" for i in range(6))
     assert scene.split.test == ("r_6", "r_7")
     said = "split of transforms_train.json, transforms_val.json, transforms_test.json: 6 views to train on, 2 held out"

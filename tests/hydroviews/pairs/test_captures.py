@@ -13,19 +13,15 @@ from hydroviews.scene.seeds import generator
 ONES = np.ones(3, np.float32)
 
 
-def ramp(height: int = 64, width: int = 96) -> np.ndarray:
-    """A photograph whose values say where they are."""
-    rows, columns = np.mgrid[0:height, 0:width]
-    return np.stack([2 * rows, 2 * columns, 0 * rows], axis=-1).astype(np.uint8)
-
-
 def test_pictures_of_a_capture_are_parts_of_its_photographs():
-    pictures = Capture([ramp()], False, ONES).pictures(40, (48, 32), (24, 16), generator(0)).astype(float) / 2
+    rows, columns = np.mgrid[0:64, 0:96]  # values that say where they are
+    ramp = np.stack([2 * rows, 2 * columns, 0 * rows], axis=-1).astype(np.uint8)
+    pictures = Capture([ramp], False, ONES).pictures(40, (48, 32), (24, 16), generator(0)).astype(float) / 2
     assert pictures.shape == (40, 16, 24, 3)
     across = (pictures[:, 8, -1, 1] - pictures[:, 8, 0, 1]) * 24 / 23
     assert SMALLEST * 96 - 8 < across.min() < 60  # darker exposures shorten it
     assert across.max() > 75
-    mirrored = Capture([ramp()], True, ONES).pictures(3, (48, 32), (24, 16), generator(0))
+    mirrored = Capture([ramp], True, ONES).pictures(3, (48, 32), (24, 16), generator(0))
     assert (mirrored[:, 8, 0, 1] > mirrored[:, 8, -1, 1]).all()
 
 

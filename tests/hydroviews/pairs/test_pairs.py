@@ -40,10 +40,9 @@ def test_rain_changes_what_it_should(kind, lenses):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_rain_depends_on_the_seed_alone(kind, lenses):
+    given = photograph(), kind, lenses
     companions = np.stack([photograph(1)[::2, ::2]] * 2)
-    first, again, other = (
-        draw_rain(photograph(), kind, lenses, generator(seed, kind), companions) for seed in (0, 0, 1)
-    )
+    first, again, other = (draw_rain(*given, generator(seed, kind), companions) for seed in (0, 0, 1))
     for one, same in zip(first, again, strict=True):
         np.testing.assert_array_equal(one, same)
     assert np.array_equal(first.rainy, other.rainy) == (kind == "clean")
@@ -67,8 +66,7 @@ def test_known_mist_is_all_that_is_between_drops(kind, lenses):
 
 def test_shares_add_up_and_families_can_be_left_out():
     assert sum(KINDS.values()) == pytest.approx(1)
-    own = {name: KINDS[name] for name in ("window", "raindrop", "streak")}
-    assert sum(own.values()) <= 0.4 + 1e-9
+    assert KINDS["window"] + KINDS["raindrop"] + KINDS["streak"] <= 0.4 + 1e-9
     left = shares_without("pane")
     assert left.keys() == KINDS.keys() - {"pane", "streak+pane", "lines+pane"}
     assert sum(left.values()) == pytest.approx(1)
@@ -110,10 +108,11 @@ def test_frames_are_the_benchmarks_size_in_both_directions(tmp_path):
     assert fit_frame(image, (320, 480)).shape == (480, 320, 3)
     with pytest.raises(ValueError, match="enlarge"):
         fit_frame(image, (480, 320))
-    write_png(tmp_path / "small.png", image[:100, :100])
+    path = tmp_path / "small.png"
+    write_png(path, image[:100, :100])
     with pytest.raises(InputError, match="too small"):
-        read_photographs([tmp_path / "small.png"])
-    small = read_photographs([tmp_path / "small.png"], (90, 60))[0]
+        read_photographs([path])
+    (small,) = read_photographs([path], (90, 60))
     assert {side: picture.shape for side, picture in small.items()} == {90: (60, 90, 3), 60: (40, 60, 3)}
 
 

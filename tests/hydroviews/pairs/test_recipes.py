@@ -1,5 +1,3 @@
-"""Recipes of rain for pairs: mist, streaks, drops, panes, and the windows of the data set."""
-
 import numpy as np
 import pytest
 from wet import HEIGHT, WIDTH, lens, photograph
@@ -20,14 +18,16 @@ PICTURE = photograph().astype(np.float32) / 255
 LIGHT = np.array([0.9, 0.6, 0.5], np.float32)
 
 
-@pytest.mark.parametrize("space", [LINEAR, ENCODED, Space(1.7)])
-def test_mist_is_mixed_in_any_space(space):
+@pytest.mark.parametrize(
+    ("space", "there", "back"),
+    [
+        (LINEAR, to_linear, to_srgb),
+        (ENCODED, np.copy, np.copy),
+        (Space(1.7), lambda values: values**1.7, lambda values: values ** (1 / 1.7)),
+    ],
+)
+def test_mist_is_mixed_in_any_space(space, there, back):
     veil = np.full((HEIGHT, WIDTH), 0.3, np.float32)
-    there, back = {
-        LINEAR: (to_linear, to_srgb),
-        ENCODED: (np.copy, np.copy),
-        Space(1.7): (lambda v: v**1.7, lambda v: v ** (1 / 1.7)),
-    }[space]
     pane = Pane(veil, LIGHT, space)
     np.testing.assert_allclose(pane.over(PICTURE), back(0.7 * there(PICTURE) + 0.3 * LIGHT), atol=1e-5)
     assert np.isnan(pane.mist()).any() == (space != LINEAR)
@@ -80,16 +80,17 @@ COLUMNS, ROWS = 240, 160
 BLACK, WHITE = np.zeros((ROWS, COLUMNS, 3), np.float32), np.ones((ROWS, COLUMNS, 3), np.float32)
 
 
-def shapes(middles, radii, aspect=1.0, turn=0.0):
-    count = len(radii)
-    ones = np.ones(count)
-    places = np.array(middles, float).reshape(count, 2)
-    return Shapes(places, np.array(radii, float), aspect * ones, turn * ones, np.zeros((count, 4)))
+def stamped(*drops, aspect=1.0, turn=0.0):
+    """Drops, each of x, y and radius, on a picture."""
+    *places, radii = np.array(drops, float).T
+    ones = np.ones(len(drops))
+    shapes = Shapes(np.stack(places, 1), radii, aspect * ones, turn * ones, np.zeros((len(drops), 4)))
+    return stamp(shapes, COLUMNS, ROWS)
 
 
 @pytest.mark.parametrize(("aspect", "turn", "wide", "high"), [(1, 0, 10, 10), (4, 0, 20, 5), (4, np.pi / 2, 5, 20)])
 def test_a_drop_is_as_large_as_said_and_where(aspect, turn, wide, high):
-    cover, place, owner = stamp(shapes([[100, 60]], [10], aspect, turn), COLUMNS, ROWS)
+    cover, place, owner = stamped((100, 60, 10), aspect=aspect, turn=turn)
     assert cover.sum() == pytest.approx(np.pi * 100, rel=0.03)
     assert cover[60, 100 + wide - 2] == cover[60 + high - 2, 100] == 1
     assert cover[60, 100 + wide + 1] == cover[60 + high + 1, 100] == 0
@@ -99,13 +100,11 @@ def test_a_drop_is_as_large_as_said_and_where(aspect, turn, wide, high):
 
 
 def test_no_drop_lies_over_another_and_tiny_ones_cover_little():
-    alone = stamp(shapes([[50, 50]], [10]), COLUMNS, ROWS)
+    alone = stamped((50, 50, 10))
     for beside in (52, 58, 62):
-        both = stamp(shapes([[50, 50], [beside, 50]], [10, 5]), COLUMNS, ROWS)
-        np.testing.assert_array_equal(both.cover, alone.cover)
-    assert set(np.unique(stamp(shapes([[50, 50], [70, 50]], [10, 5]), COLUMNS, ROWS).owner)) == {-1, 0, 1}
-    tiny = stamp(shapes([[50.5, 50.5]], [0.4]), COLUMNS, ROWS)
-    assert tiny.cover.sum() == pytest.approx(np.pi * 0.16, rel=0.6)
+        np.testing.assert_array_equal(stamped((50, 50, 10), (beside, 50, 5)).cover, alone.cover)
+    assert set(np.unique(stamped((50, 50, 10), (70, 50, 5)).owner)) == {-1, 0, 1}
+    assert stamped((50.5, 50.5, 0.4)).cover.sum() == pytest.approx(np.pi * 0.16, rel=0.6)
 
 
 def test_drops_change_nothing_where_they_are_not():
@@ -127,8 +126,7 @@ def test_drops_show_their_surroundings_upside_down():
     np.testing.assert_allclose(seen[25, 35], scene[ROWS - 26, 35], atol=1e-5)
     np.testing.assert_array_equal(seen[:20], scene[:20])
     smooth = np.repeat(np.linspace(0, 1, ROWS, dtype=np.float32)[:, None, None], COLUMNS, 1).repeat(3, 2)
-    expected, small = halved(drops.over(smooth)), drops.half().over(halved(smooth))
-    np.testing.assert_allclose(small, expected, atol=0.02)
+    np.testing.assert_allclose(drops.half().over(halved(smooth)), halved(drops.over(smooth)), atol=0.02)
 
 
 AIR = np.full(3, 0.6, np.float32)
@@ -139,18 +137,16 @@ def test_drops_of_a_window_have_light_of_their_own(window):
     black, white = np.zeros_like(PICTURE), np.ones_like(PICTURE)
     for seed in range(12):
         pane, _ = draw_window_pane(window, AIR, generator(seed), has_mist=False)
-        seen = [pane.over(scene) for scene in (black, white)]
-        assert seen[0][33:38, 35:45].mean() > seen[0][22:27, 35:45].mean() + 0.1
-        difference = (seen[1] - seen[0])[23:27, 33:47].mean()  # scene's share is 0.15 at most, in linear light
-        assert difference < 0.45
-        assert (seen[1] - seen[0])[:10, :10].mean() > 0.9
+        over_black, over_white = pane.over(black), pane.over(white)
+        assert over_black[33:38, 35:45].mean() > over_black[22:27, 35:45].mean() + 0.1
+        difference = over_white - over_black
+        assert difference[23:27, 33:47].mean() < 0.45  # the scene's share is 0.15 at most, in linear light
+        assert difference[:10, :10].mean() > 0.9
 
 
 def test_parts_of_a_window_come_alone(window):
     misty, small = draw_window_pane(window, AIR, generator(0), has_drops=False)
-    assert not misty.mask.any()
-    assert not small.mask.any()
-    assert not misty.lit.any()
+    assert not any(plane.any() for plane in (misty.mask, small.mask, misty.lit))
     assert misty.veil.max() > 0
     wet, _ = draw_window_pane(window, AIR, generator(0), has_mist=False)
     assert wet.mask.any()

@@ -7,6 +7,7 @@ from rained import harm
 from synthetic import capture_in
 
 from hydroviews.rain import severity
+from hydroviews.rain.lens.effect import SharpRaindropEffect
 from hydroviews.rain.lens.optics.path_matte import defocus
 from hydroviews.rain.lens.patterns.mist import mist_veil
 from hydroviews.rain.lens.severity import blur_harm, drops_harm
@@ -44,7 +45,7 @@ def loss(statistics, rainy_views) -> float:
     return 10 * np.log10(1 + np.mean(errors) / (CLEAN_ERROR * statistics.detail))
 
 
-def streaks_over(drawn, statistics):
+def streaks_over(drawn):
     """Fresh streaks, by no generator that the calibration has, over every view."""
     seeds = iter(range(1000))
 
@@ -75,15 +76,14 @@ def wet_lens_over(drawn, statistics):
 
 def test_streaks_cost_a_plain_reconstruction_what_their_grade_says(statistics):
     drawn = [draw("streak", i, statistics) for i in range(3)]
-    losses = [loss(statistics, streaks_over(pattern, statistics)) for pattern in drawn]
+    losses = [loss(statistics, streaks_over(pattern)) for pattern in drawn]
     assert losses[:2] == pytest.approx(LOSSES["streak"][:2], abs=0.5)
     assert losses[1] + 1 < losses[2] <= LOSSES["streak"][2]
     assert (drawn[2].n, drawn[2].brightness) == (300, 1)  # the most; this scene has too little contrast
 
 
 def test_drops_and_mist_cost_a_plain_reconstruction_what_their_grade_says(statistics):
-    drawn = [draw("raindrop", i, statistics) for i in range(3)]
-    losses = [loss(statistics, wet_lens_over(pattern, statistics)) for pattern in drawn]
+    losses = [loss(statistics, wet_lens_over(draw("raindrop", i, statistics), statistics)) for i in range(3)]
     assert losses == pytest.approx(LOSSES["raindrop"], abs=0.6)
 
 
@@ -117,7 +117,7 @@ def test_a_survey_measures_light_and_detail(tmp_path):
     half = np.zeros((36, 48, 3), np.float32)
     half[:6] = 0.8  # bright above, black below
     light = surveyed(tmp_path, half).light
-    bright = float(to_linear(np.float32([204 / 255]))[0])
+    bright = float(to_linear(np.float32(204 / 255)))
     assert light.air == pytest.approx((bright,) * 3, rel=0.2)
     assert 0 < light.mean[0] < 0.25 * bright
     assert surveyed(tmp_path, np.full_like(half, 0.5)).detail == pytest.approx(0, abs=1e-9)
@@ -155,8 +155,7 @@ def test_a_photograph_alone_is_one_moment_of_the_rain(statistics):
 
 @pytest.mark.parametrize("grade", [0, 1, 2])
 def test_a_blurred_scene_costs_at_most_half_of_what_its_grade_says(statistics, grade):
-    effect = find_effect("hydroviews.rain.lens.effect:SharpRaindropEffect")
-    drawn = effect.draw(Pattern("raindrop", grade), statistics)
+    drawn = SharpRaindropEffect().draw(Pattern("raindrop", grade), statistics)
     open_, fixed = draw("raindrop", grade, statistics), severity.wanted_harm(LOSSES["raindrop"][grade], statistics)
     blurred = blur_harm(statistics)
     assert blurred(drawn.focus_blur) <= 0.501 * fixed

@@ -1,5 +1,3 @@
-"""Similarities between cameras, and what separates estimated cameras from true ones."""
-
 import numpy as np
 import pytest
 from random_cameras import cameras, rotations, similarity
@@ -21,6 +19,11 @@ def generator():
     return np.random.default_rng(3)
 
 
+def drawn(generator, count, extents=(1, 1, 1)):
+    """World-to-camera poses at random places, in a box of those extents, and turns."""
+    return cameras(generator.normal(size=(count, 3)) * extents, rotations(generator, count))
+
+
 SHAPES = {
     "in space": lambda g: g.normal(size=(12, 3)),
     "in a plane": lambda g: g.normal(size=(12, 3)) * (1, 1, 0),
@@ -39,7 +42,7 @@ def test_a_known_similarity_is_found_again(shape, generator):
 
 
 def test_poses_move_with_the_points_they_see(generator):
-    poses, true = cameras(generator.normal(size=(5, 3)), rotations(generator, 5)), similarity(generator)
+    poses, true = drawn(generator, 5), similarity(generator)
     points = generator.normal(size=(7, 3))
     seen = np.einsum("nij,pj->npi", poses[:, :3, :3], points) + poses[:, None, :3, 3]
     moved = true.poses(poses)
@@ -50,7 +53,7 @@ def test_poses_move_with_the_points_they_see(generator):
 
 
 def test_a_third_of_wrong_cameras_does_not_pull_at_the_others(generator):
-    poses = cameras(generator.normal(size=(12, 3)), rotations(generator, 12))
+    poses = drawn(generator, 12)
     target = similarity(generator).poses(poses)
     target[:4, :3, 3] += 100 * generator.normal(size=(4, 3))
     left = np.linalg.norm(align(poses, target).points(centres(poses)) - centres(target), axis=1)
@@ -69,7 +72,7 @@ def test_a_mirror_image_is_refused(turned, generator):
 def test_cameras_in_a_plane_are_not_taken_for_their_mirror_image(generator):
     """A plane is its own mirror image: with noise across it, either may fit better by chance."""
     for _ in range(20):
-        poses = cameras(generator.normal(size=(12, 3)) * (1, 1, 0), rotations(generator, 12))
+        poses = drawn(generator, 12, (1, 1, 0))
         noisy = poses.copy()
         noisy[:, :3, 3] += 1e-3 * generator.normal(size=(12, 3))
         assert np.linalg.det(align(poses, noisy).rotation) == pytest.approx(1)
@@ -77,14 +80,14 @@ def test_cameras_in_a_plane_are_not_taken_for_their_mirror_image(generator):
 
 @pytest.mark.parametrize("which", [0, 1], ids=["found", "true"])
 def test_cameras_in_one_place_have_no_scale(which, generator):
-    apart = cameras(generator.normal(size=(5, 3)), rotations(generator, 5))
+    apart = drawn(generator, 5)
     together = cameras(np.ones((5, 3)), rotations(generator, 5))
     with pytest.raises(InputError, match="in one place"):
         align(*((together, apart), (apart, together))[which])
 
 
 def test_two_cameras_are_too_few(generator):
-    poses = cameras(generator.normal(size=(2, 3)), rotations(generator, 2))
+    poses = drawn(generator, 2)
     with pytest.raises(InputError, match=r"2 cameras to align\n.*at least 3"):
         align(poses, poses)
 
@@ -110,7 +113,7 @@ def test_area_is_that_of_the_step_function():
 
 
 def test_relative_poses_know_nothing_of_the_world(generator):
-    poses = cameras(generator.normal(size=(6, 3)), rotations(generator, 6))
+    poses = drawn(generator, 6)
     errors = pair_errors(similarity(generator).poses(poses), poses)
     assert errors.shape == (15,)
     assert errors.max() < 1e-6
@@ -136,8 +139,7 @@ def test_errors_of_one_world(generator):
 
 def by_name(generator, count):
     """True cameras by name."""
-    poses = cameras(generator.normal(size=(count, 3)), rotations(generator, count))
-    return {f"{i:02d}": pose for i, pose in enumerate(poses)}
+    return {f"{i:02d}": pose for i, pose in enumerate(drawn(generator, count))}
 
 
 def test_what_is_not_registered_counts_as_wrong(generator):

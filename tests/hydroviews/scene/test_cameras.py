@@ -15,12 +15,10 @@ def test_projection_by_hand():
 
 def test_resizing_scales_projections_exactly():
     camera = ring_camera(0.3, 101, 77)
+    small = camera.resized(50, 38)
     points = np.random.default_rng(0).normal(size=(20, 3))
-    full, _ = camera.project(points)
-    small, _ = camera.resized(50, 38).project(points)
-    np.testing.assert_allclose(small, full * (50 / 101, 38 / 77), atol=1e-12)
-    back = camera.resized(50, 38).resized(101, 77)
-    np.testing.assert_allclose(back.matrix, camera.matrix, rtol=1e-14)
+    np.testing.assert_allclose(small.project(points)[0], camera.project(points)[0] * (50 / 101, 38 / 77), atol=1e-12)
+    np.testing.assert_allclose(small.resized(101, 77).matrix, camera.matrix, rtol=1e-14)
 
 
 @pytest.mark.parametrize(

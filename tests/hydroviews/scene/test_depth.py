@@ -69,11 +69,12 @@ def test_a_views_own_map_goes_before_points(tmp_path):
 @pytest.mark.parametrize("size", [(3, 2), (6, 4), (12, 8), (5, 3), (1, 1)])
 def test_resizing_invents_no_depths(size):
     depth = np.where(np.arange(24).reshape(4, 6) % 6 < 3, 1.0, np.inf)
-    resized = resized_depth(depth, *size)
-    assert resized.shape == (size[1], size[0])
+    width, height = size
+    resized = resized_depth(depth, width, height)
+    assert resized.shape == (height, width)
     assert set(np.unique(resized)) <= {np.float32(1), np.float32(np.inf)}
-    if size[0] % 2 == 0:
-        assert np.array_equal(resized, np.where(np.arange(size[0]) < size[0] / 2, 1.0, np.inf)[None].repeat(size[1], 0))
+    if width % 2 == 0:
+        assert np.array_equal(resized, np.tile(np.where(np.arange(width) < width / 2, 1.0, np.inf), (height, 1)))
 
 
 def test_a_tilted_wall_is_found_from_its_points():

@@ -39,10 +39,11 @@ LENSES = [
 ]
 
 
-def expected_picture(lens, size=None):
-    pinhole = lens.pinhole(size)
+def pinhole_rays(lens):
+    """Slopes x / z, y / z of the pixels of the lens's pinhole camera [H, W, 2]."""
+    pinhole = lens.pinhole()
     x, y = np.meshgrid(np.arange(pinhole.width) + 0.5, np.arange(pinhole.height) + 0.5)
-    return colours(np.stack([(x - pinhole.cx) / pinhole.fx, (y - pinhole.cy) / pinhole.fy], axis=-1))
+    return np.stack([(x - pinhole.cx) / pinhole.fx, (y - pinhole.cy) / pinhole.fy], axis=-1)
 
 
 def test_every_model_of_colmap_is_tried():
@@ -52,12 +53,11 @@ def test_every_model_of_colmap_is_tried():
 
 @pytest.mark.parametrize("lens", LENSES, ids=lambda lens: lens.model)
 def test_undistorted_photograph_is_what_a_pinhole_camera_sees(lens):
-    picture = lens.undistort(photograph(lens))
-    expected = expected_picture(lens)
+    picture, expected = lens.undistort(photograph(lens)), colours(pinhole_rays(lens))
     assert picture.shape == expected.shape
-    inside = np.abs(picture - expected)[1:-1, 1:-1]
-    assert inside.max() < 0.01  # bilinear sampling of a smooth function
-    assert np.abs(picture - expected).max() < 0.08  # the outermost half pixel is repeated
+    error = np.abs(picture - expected)
+    assert error[1:-1, 1:-1].max() < 0.01  # bilinear sampling of a smooth function
+    assert error.max() < 0.08  # the outermost half pixel is repeated
 
 
 @pytest.mark.parametrize("long_side", [None, 1500, 400])
@@ -119,28 +119,20 @@ FOV = Lens("FOV", 256, 205, (89.4, 89.4, 128.0, 102.5, 0.933271))  # of TUM's mo
 
 def test_a_corner_without_a_direction_does_not_shrink_the_picture():
     """COLMAP would leave 51x41 pixels, 4 % of the photograph."""
-    pinhole = FOV.pinhole()
     assert kept_share(FOV) > 0.6
-    assert pinhole.width > 256
-    x, y = np.meshgrid(np.arange(pinhole.width) + 0.5, np.arange(pinhole.height) + 0.5)
-    rays = np.stack([(x - pinhole.cx) / pinhole.fx, (y - pinhole.cy) / pinhole.fy, np.ones_like(x)], axis=-1)
-    pixels = FOV.colmap().img_from_cam(rays.reshape(-1, 3))
-    assert (pixels >= 0).all()
-    assert (pixels <= (256, 205)).all()
-    picture = FOV.undistort(photograph(FOV))
-    expected = colours(rays[..., :2])
-    assert np.abs(picture - expected)[2:-2, 2:-2].mean() < 0.02
+    assert FOV.pinhole().width > 256
+    rays = pinhole_rays(FOV)
+    pixels = FOV.colmap().img_from_cam(np.dstack([rays, np.ones(rays.shape[:2])]).reshape(-1, 3))
+    assert ((pixels >= 0) & (pixels <= (256, 205))).all()
+    assert np.abs(FOV.undistort(photograph(FOV)) - colours(rays))[2:-2, 2:-2].mean() < 0.02
 
 
-@pytest.mark.parametrize(
-    ("lens", "share"),
-    [
-        (Lens("PINHOLE", 96, 72, (80.0, 80.0, 48.0, 36.0)), 1.0),
-        (Lens("OPENCV_FISHEYE", 2048, 2048, (400.0, 400.0, 1024.0, 1024.0, 0, 0, 0, 0)), 0.18),
-    ],
-)
+WIDE = Lens("OPENCV_FISHEYE", 2048, 2048, (400.0, 400.0, 1024.0, 1024.0, 0, 0, 0, 0))
+
+
+@pytest.mark.parametrize(("lens", "share"), [(LENSES[-1], 1.0), (WIDE, 0.18)], ids=["pinhole", "fisheye"])
 def test_the_share_that_is_left_is_known(lens, share):
-    """Of the fisheye, what is less than 2 x 68.7 degrees across and down."""
+    """Less than 2 x 68.7 degrees across and down is left of the fisheye."""
     assert kept_share(lens) == pytest.approx(share, abs=0.01)
 
 
@@ -150,7 +142,7 @@ def test_little_that_is_left_is_told(tmp_path):
         return left_after_undistortion(make_scene("walk", views, no_points()))
 
     assert said(FOV) == said(LENS) == []
-    (told,) = said(Lens("OPENCV_FISHEYE", 2048, 2048, (400.0, 400.0, 1024.0, 1024.0, 0, 0, 0, 0)))
+    (told,) = said(WIDE)
     assert "% of the photograph is left after undistortion" in told
 
 

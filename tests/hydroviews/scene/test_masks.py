@@ -1,5 +1,3 @@
-"""Masks from the file to the score."""
-
 import json
 
 import cv2
@@ -8,7 +6,8 @@ import pycolmap
 import pytest
 import torch
 from distorted import LENS, colmap_capture
-from synthetic import capture_in
+from refusals import assert_refused
+from synthetic import capture_in, written_capture
 
 from hydroviews import metrics
 from hydroviews.captures.sfm import matching as features
@@ -17,7 +16,7 @@ from hydroviews.dataset.variants import open_clean, open_variant
 from hydroviews.errors import InputError
 from hydroviews.formats.mask_files.hidden_share import scene_hidden_notes
 from hydroviews.formats.read import read_scene
-from hydroviews.formats.writers import write_colmap, write_nerfstudio
+from hydroviews.formats.writers import write_nerfstudio
 from hydroviews.rain.patterns import Pattern
 from hydroviews.scene.images import write_png
 from hydroviews.scene.masks import find_mask, fit_ignored, mask_name, read_ignored, write_ignored
@@ -37,8 +36,7 @@ def hidden():
 @pytest.fixture
 def capture(tmp_path, hidden):
     """A COLMAP capture of nine views, of which two have masks."""
-    folder = tmp_path / "yard"
-    write_colmap(capture_in(folder), folder / "sparse" / "0")
+    folder = written_capture(tmp_path / "yard")
     for name in ("view-00.png", "view-03.png"):
         write_ignored(folder / "masks" / mask_name(name), hidden)
     return folder
@@ -49,17 +47,15 @@ def test_on_disk_black_is_hidden_as_for_colmap(tmp_path, hidden):
     assert path.name == "a.jpg.png"
     write_ignored(path, hidden)
     pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    assert pixels.ndim == 2
-    assert np.array_equal(pixels == 0, hidden)
-    assert np.array_equal(pixels == 255, ~hidden)
+    assert np.array_equal(pixels, np.where(hidden, 0, 255))  # of one channel
     assert np.array_equal(read_ignored(path), hidden)
 
 
-def test_a_broken_mask(tmp_path):
+@pytest.mark.parametrize(("name", "message"), [("mask", "cannot be read as a mask"), ("none", "no such image")])
+def test_a_broken_mask(tmp_path, name, message):
     (tmp_path / "mask.png").write_bytes(b"no picture")
-    for name, message in (("mask.png", "cannot be read as a mask"), ("none.png", "no such image")):
-        with pytest.raises(InputError, match=f"{name}: {message}"):
-            read_ignored(tmp_path / name)
+    with pytest.raises(InputError, match=rf"{name}\.png: {message}"):
+        read_ignored(tmp_path / f"{name}.png")
 
 
 def test_a_pixel_that_a_hidden_one_touches_is_hidden(hidden):
@@ -100,22 +96,19 @@ def test_masks_are_undistorted_like_their_pictures(tmp_path):
 
 
 def test_nerfstudio_masks_by_path_and_beside(tmp_path, hidden):
-    scene = capture_in(tmp_path / "yard")
-    write_ignored(tmp_path / "yard" / "masks" / mask_name("view-02.png"), hidden)
-    write_ignored(tmp_path / "yard" / "elsewhere.png", ~hidden)
-    write_nerfstudio(scene, tmp_path / "yard" / "transforms.json", "images")
-    path = tmp_path / "yard" / "transforms.json"
+    write_ignored(tmp_path / "masks" / mask_name("view-02.png"), hidden)
+    write_ignored(tmp_path / "elsewhere.png", ~hidden)
+    path = tmp_path / "transforms.json"
+    write_nerfstudio(capture_in(tmp_path), path, "images")
     content = json.loads(path.read_text())
     content["frames"][5]["mask_path"] = "elsewhere.png"
     path.write_text(json.dumps(content))
-    views = read_scene(tmp_path / "yard").views
+    views = read_scene(tmp_path).views
     assert np.array_equal(views[2].ignored(), hidden)
     assert np.array_equal(views[5].ignored(), ~hidden)
     assert views[0].mask is None
-    content["frames"][5]["mask_path"] = "gone.png"
-    path.write_text(json.dumps(content))
-    with pytest.raises(InputError, match=r"gone\.png: no such mask"):
-        read_scene(tmp_path / "yard")
+    path.write_text(path.read_text().replace("elsewhere", "gone"))
+    assert_refused(tmp_path, r"gone\.png: no such mask")
 
 
 def test_a_built_scene_keeps_masks_where_other_software_finds_them(capture, tmp_path, hidden):
@@ -136,20 +129,19 @@ def test_a_built_scene_keeps_masks_where_other_software_finds_them(capture, tmp_
 
 
 def test_masks_of_a_capture_the_other_way_round_are_told(capture, tmp_path, hidden):
-    names = [view.path.name for view in read_scene(capture).views]
-    for name in names:
-        write_ignored(capture / "masks" / mask_name(name), ~hidden)
-    assert "black is hidden: are they the other way round?" in scene_hidden_notes(read_scene(capture))[0]
-    for name in names:
-        write_ignored(capture / "masks" / mask_name(name), hidden | True)
+    def read_with(ignored):
+        for path in list((capture / "images").glob("view-*.png")):
+            write_ignored(capture / "masks" / mask_name(path.name), ignored)
+        return read_scene(capture)
+
+    assert "black is hidden: are they the other way round?" in scene_hidden_notes(read_with(~hidden))[0]
     with pytest.raises(InputError, match=r"yard: masks: every pixel is hidden\n.*black where"):
-        build(read_scene(capture), tmp_path / "data", patterns=[], long_side=24)
+        build(read_with(hidden | True), tmp_path / "data", patterns=[], long_side=24)
 
 
 def test_no_features_where_hidden(tmp_path):
-    rng = np.random.default_rng(0)
-    names = ["a.png", "b.png"]
-    texture = cv2.resize(rng.random((60, 80, 3)).astype(np.float32), (320, 240), interpolation=cv2.INTER_CUBIC)
+    names, noise = ["a.png", "b.png"], np.random.default_rng(0).random((60, 80, 3)).astype(np.float32)
+    texture = cv2.resize(noise, (320, 240), interpolation=cv2.INTER_CUBIC)
     for name in names:
         write_png(tmp_path / "images" / name, np.clip(texture, 0, 1))
     hidden = block(240, 320, slice(50, 200), slice(0, 160))
@@ -203,9 +195,9 @@ def test_a_batch_has_a_mask_each():
     ignored = torch.from_numpy(np.stack([block(20, 30, slice(0, 5), slice(i, 9)) for i in range(2)]))
     for metric in (metrics.psnr, metrics.ssim):
         together = metric(images, targets, ignored=ignored)
-        for i in range(2):
-            alone = metric(images[i].permute(1, 2, 0), targets[i].permute(1, 2, 0), ignored=ignored[i])
-            assert float(together[i]) == pytest.approx(alone, rel=1e-9)
+        pairs = zip(images.permute(0, 2, 3, 1), targets.permute(0, 2, 3, 1), ignored, strict=True)
+        alone = [metric(image, target, ignored=mask) for image, target, mask in pairs]
+        assert together.tolist() == pytest.approx(alone, rel=1e-9)
 
 
 @pytest.mark.parametrize("stored", ["B\u00e4ume.jpg", "Ba\u0308ume.jpg"], ids=["composed", "decomposed"])

@@ -7,12 +7,11 @@ import numpy as np
 import PIL.Image
 import pytest
 import tifffile
-from synthetic import capture_in
+from synthetic import written_capture
 
 from hydroviews.dataset.build import build
 from hydroviews.errors import InputError
 from hydroviews.formats.read import read_scene
-from hydroviews.formats.writers import write_colmap
 from hydroviews.scene.images import read_image
 from hydroviews.scene.photograph_damage import require_whole
 from hydroviews.scene.tiff_damage import tiff_fault
@@ -21,32 +20,45 @@ PLAIN, PROGRESSIVE = [], [cv2.IMWRITE_JPEG_PROGRESSIVE, 1]
 RESTARTS = [cv2.IMWRITE_JPEG_RST_INTERVAL, 4]
 
 
-def jpeg(settings, width=320, height=240):
-    rng = np.random.default_rng(0)
-    picture = cv2.resize(rng.integers(0, 256, (height // 4, width // 4, 3)).astype(np.uint8), (width, height))
-    return cv2.imencode(".jpg", picture, settings)[1]
+PICTURE = cv2.resize(np.random.default_rng(0).integers(0, 256, (60, 80, 3)).astype(np.uint8), (320, 240))
 
 
-def random_bytes(content):
-    content[len(content) // 2 :][:6000] = np.random.default_rng(1).integers(0, 256, 6000)
+def jpeg(settings):
+    return cv2.imencode(".jpg", PICTURE, settings)[1].tobytes()
+
+
+def with_bytes(content, start, other):
+    return content[:start] + other + content[start + len(other) :]
+
+
+def random_bytes(content, count=6000):
+    other = np.random.default_rng(1).integers(0, 256, count).astype(np.uint8).tobytes()
+    return with_bytes(content, len(content) // 2, other)
+
+
+def few_random_bytes(content):
+    return random_bytes(content, 60)
 
 
 def sector_of_zeros(content):
-    content[8192 : 8192 + 4096] = 0
+    return with_bytes(content, 8192, bytes(4096))
+
+
+def write(path, content):
+    path.write_bytes(content)
+    return path
 
 
 def test_damage_in_the_middle_is_told_and_whole_pictures_are_not(tmp_path):
     whole, damaged = [tmp_path / "picture.png", tmp_path / "missing.jpg"], []
     whole[0].write_bytes(b"no JPEG")
     for name, settings in (("plain", PLAIN), ("progressive", PROGRESSIVE), ("restarts", RESTARTS)):
-        content = jpeg(settings).tobytes()
+        content = jpeg(settings)
         assert len(content) > 14_000
         whole += [write(tmp_path / f"{name}.jpg", content)]
         whole += [write(tmp_path / f"{name}-padded.jpg", content[:-2] + b"\0\0" + content[-2:])]  # as some cameras do
         for damage in (random_bytes, sector_of_zeros):
-            content = jpeg(settings)
-            damage(content)
-            damaged += [write(tmp_path / f"{name}-{damage.__name__}.JPEG", content.tobytes())]
+            damaged += [write(tmp_path / f"{name}-{damage.__name__}.JPEG", damage(content))]
     assert read_image(damaged[1]).shape == (240, 320, 3)  # OpenCV sees a picture
     require_whole(whole, "")
     expected = r"plain-random_bytes\.JPEG: a damaged JPEG, and 5 more photographs\n  found: Corrupt JPEG data"
@@ -56,32 +68,24 @@ def test_damage_in_the_middle_is_told_and_whole_pictures_are_not(tmp_path):
 
 def tiff(path, compression, dtype=np.uint8):
     """A TIFF of many strips."""
-    picture = cv2.imdecode(jpeg(PLAIN), cv2.IMREAD_COLOR).astype(dtype) * (257 if dtype == np.uint16 else 1)
+    picture = PICTURE.astype(dtype) * (257 if dtype == np.uint16 else 1)
     settings = [cv2.IMWRITE_TIFF_COMPRESSION, compression, cv2.IMWRITE_TIFF_ROWSPERSTRIP, 16]
     assert cv2.imwrite(str(path), picture, settings)
     return path
 
 
-def other_bytes(content):
-    content[len(content) // 2 :][:60] = np.random.default_rng(1).integers(0, 256, 60)
-
-
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 @pytest.mark.parametrize("compression", [5, 8, 32946], ids=["lzw", "deflate", "adobe"])
-@pytest.mark.parametrize("damage", [random_bytes, sector_of_zeros, other_bytes])
+@pytest.mark.parametrize("damage", [random_bytes, sector_of_zeros, few_random_bytes])
 def test_a_damaged_tiff_has_a_fault_and_a_whole_one_none(tmp_path, compression, damage, dtype):
     path = tiff(tmp_path / "a.tif", compression, dtype)
     assert not tiff_fault(path)
-    content = np.fromfile(path, np.uint8)
-    damage(content)
-    assert re.match("strip [0-9]+ of 15: ", tiff_fault(write(path, content.tobytes())))
+    assert re.match("strip [0-9]+ of 15: ", tiff_fault(write(path, damage(path.read_bytes()))))
 
 
 def test_a_damaged_tiff_is_told(tmp_path):
     whole = [tiff(tmp_path / f"{compression}.tif", compression) for compression in (1, 5)]
-    content = np.fromfile(whole[1], np.uint8)
-    other_bytes(content)
-    damaged = write(tmp_path / "damaged.tif", content.tobytes())
+    damaged = write(tmp_path / "damaged.tif", few_random_bytes(whole[1].read_bytes()))
     with pytest.raises(InputError, match=r"/damaged\.tif: a damaged TIFF\n  found: strip [0-9]+ of 15: "):
         require_whole([*whole, damaged], "")
 
@@ -104,7 +108,7 @@ def test_tiffs_of_other_makes_are_whole(tmp_path):
 
 def test_padding_of_any_length_is_no_damage(tmp_path):
     """As of cameras that fill their files up: before the end mark, or before every restart mark."""
-    plain, restarts, paths = jpeg(PLAIN).tobytes(), jpeg(RESTARTS).tobytes(), []
+    plain, restarts, paths = jpeg(PLAIN), jpeg(RESTARTS), []
     whole = [write(tmp_path / "plain.jpg", plain), write(tmp_path / "restarts.jpg", restarts)]
     head, data = restarts[: restarts.index(b"\xff\xda")], restarts[restarts.index(b"\xff\xda") :]
     for filler in (b"\0", b"\xff"):
@@ -127,30 +131,19 @@ RUBBISH = np.random.default_rng(0).integers(1, 200, 40).astype(np.uint8).tobytes
 )
 def test_other_bytes_before_the_end_mark_are_damage(tmp_path, settings, lost, instead):
     """Zeros as where a copy was broken off and the file had its length before."""
-    content = jpeg(settings).tobytes()
+    content = jpeg(settings)
     with pytest.raises(InputError, match="a damaged JPEG"):
         require_whole([write(tmp_path / "a.jpg", content[: -2 - lost] + instead + content[-2:])], "")
 
 
-def write(path, content):
-    path.write_bytes(content)
-    return path
-
-
 def test_a_ground_truth_is_not_made_of_a_damaged_photograph(tmp_path):
-    capture = tmp_path / "capture" / "yard"
-    scene = capture_in(capture, width=320, height=240)
-    write_colmap(scene, capture / "sparse" / "0")
-    content = jpeg(PLAIN)
-    for view in scene.views:
-        view.path.unlink()
-        view.path.with_suffix(".jpg").write_bytes(content.tobytes())
-    sector_of_zeros(content)
-    bad = capture / "images" / "view-05.jpg"
-    whole = bad.read_bytes()
-    bad.write_bytes(content.tobytes())
+    capture = written_capture(tmp_path / "capture" / "yard", width=320, height=240)
+    for path in list((capture / "images").glob("view-*.png")):
+        path.unlink()
+        write(path.with_suffix(".jpg"), jpeg(PLAIN))
+    bad = write(capture / "images" / "view-05.jpg", sector_of_zeros(jpeg(PLAIN)))
     with pytest.raises(InputError, match=r"view-05\.jpg: a damaged JPEG\n"):
         build(read_scene(capture), tmp_path / "data", patterns=[])
     assert not list((tmp_path / "data").rglob("*.png"))
-    bad.write_bytes(whole)
+    write(bad, jpeg(PLAIN))
     assert build(read_scene(capture), tmp_path / "other", patterns=[]) == tmp_path / "other" / "yard"

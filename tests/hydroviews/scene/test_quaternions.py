@@ -27,10 +27,10 @@ def test_torch_and_the_kernels_have_the_same():
         w, x, y, z, norm = unit_quaternion(quaternion[0], quaternion[1], quaternion[2], quaternion[3])
         return rotation(w, x, y, z), norm
 
-    for index, matrix in enumerate(expected):
-        entries, norm = compiled(QUATERNIONS[index])
+    for quaternion, matrix in zip(QUATERNIONS, expected, strict=True):
+        entries, norm = compiled(quaternion)
         assert np.allclose(np.reshape(entries, (3, 3)), matrix, atol=1e-14)
-        assert np.isclose(norm, np.linalg.norm(QUATERNIONS[index]))
+        assert np.isclose(norm, np.linalg.norm(quaternion))
 
 
 def test_no_length_is_no_rotation():

@@ -22,7 +22,7 @@ def test_views_are_sorted_and_split(tmp_path):
 
 
 def test_resized_scene_averages_its_images(tmp_path):
-    scene = capture_in(tmp_path, width=48, height=36)
+    scene = capture_in(tmp_path)
     view, small = scene.views[0], scene.resized(24).views[0]
     assert (small.camera.width, small.camera.height) == (24, 18)
     expected = view.image().reshape(18, 2, 24, 2, 3).mean(axis=(1, 3))
@@ -32,7 +32,7 @@ def test_resized_scene_averages_its_images(tmp_path):
 
 @pytest.mark.parametrize("size", [(36, 48), (48, 35), (24, 18), (60, 36)])
 def test_image_that_does_not_fit_its_camera(tmp_path, size):
-    view = capture_in(tmp_path, width=48, height=36).views[4]
+    view = capture_in(tmp_path).views[4]
     write_png(view.path, np.zeros((size[1], size[0], 3), np.float32))
     with pytest.raises(InputError, match=rf"view-04\.png.*differ in size\n.*{size[0]}x{size[1]} pixels\n.*48x36"):
         view.image()
@@ -81,15 +81,13 @@ def test_a_scene_of_sparse_views(tmp_path):
         assert one.sparse().test_views == scene.test_views
 
 
-@pytest.mark.parametrize(
-    ("sparse", "expected"),
-    [({}, ()), ({"sparse": ["c", "a"]}, ("a", "c"))],  # in order of name, which is time
-    ids=["none", "two"],
-)
-def test_a_split_file_names_sparse_views_or_none(tmp_path, sparse, expected):
-    (tmp_path / "split.json").write_text(json.dumps({"train": ["a", "c"], "test": ["b"], **sparse}))
-    assert read_split(tmp_path) == Split(("a", "c"), ("b",), expected)
-    for odd in (3, ["view-01", 4], "view-01"):
-        (tmp_path / "split.json").write_text(json.dumps({"train": ["a"], "test": ["b"], "sparse": odd}))
+def test_a_split_file_names_sparse_views_or_none(tmp_path):
+    def split_with(**sparse):
+        (tmp_path / "split.json").write_text(json.dumps({"train": ["a", "c"], "test": ["b"], **sparse}))
+        return read_split(tmp_path)
+
+    assert split_with() == Split(("a", "c"), ("b",), ())
+    assert split_with(sparse=["c", "a"]) == Split(("a", "c"), ("b",), ("a", "c"))  # in order of name, which is time
+    for odd in (3, ["a", 4], "a"):
         with pytest.raises(InputError, match="not a split"):
-            read_split(tmp_path)
+            split_with(sparse=odd)

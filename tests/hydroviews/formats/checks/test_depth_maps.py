@@ -6,9 +6,9 @@ import painted_room
 import PIL.Image
 import pytest
 from painted_room import depth, scene_in_room, write_room
+from refusals import assert_refused
 
 from hydroviews.dataset.clean_views import write_views
-from hydroviews.errors import InputError
 from hydroviews.formats.read import read_scene
 from hydroviews.scene.depth import depth_path, read_depth, view_depth
 
@@ -52,15 +52,13 @@ def other_view(z):
 )
 def test_maps_that_contradict_the_points_are_refused_with_what_they_are(with_maps, change, what, found):
     message = rf"the depth maps contradict the capture's points.*{what}[\s\S]*{found}[\s\S]*depth is then taken from"
-    with pytest.raises(InputError, match=message):
-        read_scene(with_maps(change))
+    assert_refused(with_maps(change), message)
 
 
 def test_maps_upside_down_are_refused(with_maps, monkeypatch):
     """The walls of this room are as far above as below, so that the camera is put near its floor."""
     monkeypatch.setattr(painted_room, "HIGH", np.array([3.0, 0.6, 6.0]))
-    with pytest.raises(InputError, match=r"contradict[\s\S]*upside down"):
-        read_scene(with_maps(lambda z: z[::-1]))
+    assert_refused(with_maps(lambda z: z[::-1]), r"contradict[\s\S]*upside down")
 
 
 FITTING = (lambda z: z, lambda z: z[::2, ::2], lambda z: np.where(z > 6.4, np.inf, z), lambda z: 1.1 * z)

@@ -18,13 +18,12 @@ GREY = np.where(HIDDEN, np.uint8(0), np.uint8(255))
 
 @pytest.fixture
 def capture(tmp_path):
-    """Nine JPEG-named photographs; a model of them."""
+    """Nine JPEGs; a model of them."""
     scene = scene_in_room(tmp_path / "walk")
-    folder = write_room(scene, tmp_path / "walk", "colmap")
-    for path in list((folder / "images").glob("[!.]*")):
-        cv2.imwrite(str(path.with_suffix(".jpg")), cv2.imread(str(path)))
-        path.unlink()
-    return folder
+    for view in scene.views:
+        cv2.imwrite(str(view.path.with_suffix(".jpg")), cv2.imread(str(view.path)))
+        view.path.unlink()
+    return write_room(scene, tmp_path / "walk", "colmap")
 
 
 def write_masks(capture, name, pixels=GREY, count=9):
@@ -81,8 +80,8 @@ def test_white_is_hidden_in_dynamic_masks(capture):
 def test_masks_for_some_name_the_others(capture, caplog):
     write_masks(capture, "masks/{}.jpg.png", count=2)
     write_masks(capture, "masks/{}_mask.png", count=4)
-    for i in range(2):
-        (capture / f"masks/view-{i:02d}_mask.png").unlink()
+    for name in ("view-00", "view-01"):
+        (capture / f"masks/{name}_mask.png").unlink()
     scene = read_scene(capture)
     assert np.allclose(hidden_shares(scene), [HIDDEN.mean()] * 4 + [0] * 5)
     assert "without a mask, and shown whole: view-04, view-05, view-06, view-07, view-08" in scene.notes
@@ -107,28 +106,22 @@ def test_masks_that_hide_nothing_are_warned_of(capture, caplog, files, pixels, m
     assert ("masks hide 0.0% of the pixels" in scene.notes) == (message == "9 masks hide nothing")
 
 
-def with_alpha(colour):
-    return np.dstack([colour, GREY])
-
-
 CUT_OUT = np.random.default_rng(0).integers(0, 256, (64, 96, 3)).astype(np.uint8)
-
-
 OTHER_VALUES = {
     "10 of 255": np.maximum(GREY, 10),
     "greys": np.where(HIDDEN, np.uint8(90), np.uint8(160)),
     "0 and 1": GREY // 255,
     "0 and 3": (GREY // 255) * np.uint8(3),
-    "alpha alone": with_alpha(np.full((64, 96, 3), 255, np.uint8)),
-    "alpha and black": with_alpha(GREY[..., None].repeat(3, axis=2)),
-    "cut out": with_alpha(CUT_OUT),
+    "alpha alone": np.dstack([np.full_like(CUT_OUT, 255), GREY]),
+    "alpha and black": np.dstack([GREY] * 4),
+    "cut out": np.dstack([CUT_OUT, GREY]),
     "16 bits": GREY.astype(np.uint16) * 257,
 }
 
 
-@pytest.mark.parametrize("name", OTHER_VALUES)
-def test_masks_of_other_values_hide_the_same(tmp_path, name):
-    cv2.imwrite(str(tmp_path / "mask.png"), OTHER_VALUES[name])
+@pytest.mark.parametrize("pixels", OTHER_VALUES.values(), ids=OTHER_VALUES)
+def test_masks_of_other_values_hide_the_same(tmp_path, pixels):
+    cv2.imwrite(str(tmp_path / "mask.png"), pixels)
     assert np.array_equal(read_ignored(tmp_path / "mask.png"), HIDDEN)
 
 
@@ -139,11 +132,9 @@ def test_masks_after_jpeg_hide_the_same_but_for_the_edges(tmp_path):
 
 def test_transparent_pixels_of_photographs_are_hidden_and_no_black_holes(tmp_path, caplog):
     scene = scene_in_room(tmp_path / "walk")
-    folder = write_room(scene, tmp_path / "walk", "colmap")
     for view in scene.views:
-        pixels = cv2.imread(str(view.path))
-        cv2.imwrite(str(view.path), np.dstack([pixels, GREY]))
-    read = read_scene(folder)
+        cv2.imwrite(str(view.path), np.dstack([cv2.imread(str(view.path)), GREY]))
+    read = read_scene(write_room(scene, tmp_path / "walk", "colmap"))
     assert np.allclose(hidden_shares(read), HIDDEN.mean())
     assert "transparent pixels of 9 photographs are hidden" in read.notes
     assert np.abs(read.views[3].image() - picture(scene.views[3].camera)).max() < 0.003
@@ -154,8 +145,7 @@ def test_transparent_pixels_of_photographs_are_hidden_and_no_black_holes(tmp_pat
 def test_masks_are_no_photographs(tmp_path):
     for name in ("images/a.jpg", "images/mask_of_gold.jpg", "images/a_mask.jpg", "masks/a.png", "masks/b.png"):
         write_png(tmp_path / name, np.zeros((4, 4, 3), np.float32))
-    names = [path.relative_to(tmp_path).as_posix() for path in photographs_below(tmp_path)]
-    assert names == ["images/a.jpg", "images/mask_of_gold.jpg"]
+    assert photographs_below(tmp_path) == [tmp_path / "images/a.jpg", tmp_path / "images/mask_of_gold.jpg"]
     assert len(photographs_below(tmp_path / "masks")) == 2
 
 

@@ -1,5 +1,3 @@
-"""Clouds of other programs: doubles, names of columns, coordinates of a country."""
-
 from dataclasses import replace
 
 import numpy as np
@@ -60,11 +58,9 @@ def test_doubles_are_told(tmp_path, caplog):
     ],
 )
 def test_colours_under_other_names_are_read(tmp_path, names, change, caplog):
-    columns = dict(zip(names.split(), change(CLOUD.colours).T, strict=True))
-    columns |= dict(zip("XYZ" if names.istitle() else "xyz", CLOUD.positions.T, strict=True))
-    vertices = np.zeros(400, [(name, column.dtype) for name, column in columns.items()])
-    for name, column in columns.items():
-        vertices[name] = column
+    names = [*names.split(), *("XYZ" if names.istitle() else "xyz")]
+    columns = [*change(CLOUD.colours).T, *CLOUD.positions.T]
+    vertices = np.rec.fromarrays(columns, names=names)
     PlyData([PlyElement.describe(vertices, "vertex")]).write(tmp_path / "cloud.ply")
     found = read_ply(tmp_path / "cloud.ply")
     assert np.array_equal(found.positions, CLOUD.positions)

@@ -1,5 +1,3 @@
-"""When renewed drops come and go: shares, room, and that a view alone decides."""
-
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
@@ -18,15 +16,14 @@ PATTERN = draw_pattern(np.random.default_rng(5), 1)
 SIDES = (np.sqrt(4 / 3), np.sqrt(3 / 4))
 
 
-def lives(share: float, views: int = 30, width: int = 160, **changes) -> Lives:
-    changes = {"seed": 1, **changes}
-    return draw_lives(replace(PATTERN, renewed=share, **changes), bank(width, **changes), SIDES, views)
+def lives(share: float, views: int = 30, width: int = 160, seed: int = 1) -> Lives:
+    return draw_lives(replace(PATTERN, renewed=share, seed=seed), bank(width, seed), SIDES, views)
 
 
 @cache
-def bank(width: int, **changes) -> list[Bodies]:
+def bank(width: int, seed: int) -> list[Bodies]:
     lens = camera(width, 3 * width // 4)
-    return [BankLens.of(replace(PATTERN, **changes), lens, number).bodies(lens) for number in range(LENSES)]
+    return [BankLens.of(replace(PATTERN, seed=seed), lens, number).bodies(lens) for number in range(LENSES)]
 
 
 def shown(drawn: Lives, view: int) -> set[tuple[int, int]]:

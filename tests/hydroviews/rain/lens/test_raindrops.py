@@ -91,10 +91,9 @@ def test_a_bake_is_the_same_in_two_processes_and_kept(tmp_path, monkeypatch, kep
     lens = camera(33, 24)
     pattern = replace(PATTERN, focus_blur=0.05)
     first = bake_matte(pattern, lens, tmp_path / "a")
-    with monkeypatch.context() as patch:  # the second has made another one before
-        patch.setattr(lens_bake, "run_blender", kept_blender)
-        for name, size in (("b", (24, 33)), ("c", (33, 24))):
-            bake_matte(pattern, camera(*size), tmp_path / name)
+    monkeypatch.setattr(lens_bake, "run_blender", kept_blender)  # the second has made another one before
+    for name, size in (("b", (24, 33)), ("c", (33, 24))):
+        bake_matte(pattern, camera(*size), tmp_path / name)
     a, c = ((tmp_path / name / "matte-0.npz").read_bytes() for name in "ac")
     assert a == c
     monkeypatch.setattr(lens_bake, "run_blender", pytest.fail)
@@ -106,10 +105,8 @@ def test_a_bake_is_the_same_in_two_processes_and_kept(tmp_path, monkeypatch, kep
 @bakes
 @pytest.mark.parametrize("size", [(1, 1), (17, 15), (200, 20)])
 def test_any_size_of_picture(tmp_path, size):
-    lens = camera(*size)
-    rain, views = prepared_lens(PATTERN, lens, tmp_path)
-    clean = np.full((*size[::-1], 3), 0.5, np.float32)
-    layers = rain.layers(clean, views[3])
+    rain, views = prepared_lens(PATTERN, camera(*size), tmp_path)
+    layers = rain.layers(np.full((*size[::-1], 3), 0.5, np.float32), views[3])
     assert all(plane.shape == size[::-1] and np.isfinite(plane).all() for plane in layers.values())
     assert 0 <= layers["M"].min() <= layers["M"].max() <= 1
 
@@ -118,8 +115,7 @@ def test_any_size_of_picture(tmp_path, size):
 @pytest.mark.parametrize("degrees", [50, 90])
 def test_total_reflection_loses_no_sense_and_gains_no_light(tmp_path, degrees):
     lens = camera(60, 40)
-    mesh = water_mesh(one_drop(0.6, 0.4, 0.25, degrees=degrees), np.inf, lens)
-    matte = bake(mesh, lens, tmp_path, paths=4)
+    matte = bake(water_mesh(one_drop(0.6, 0.4, 0.25, degrees=degrees), np.inf, lens), lens, tmp_path, paths=4)
     rows = np.asarray(matte.paths.sum(axis=1)).ravel()
     assert 0 < rows.max() <= 1 + 1e-5
     grey = np.full((40, 60, 3), 0.4, np.float32)
@@ -132,10 +128,10 @@ def test_total_reflection_loses_no_sense_and_gains_no_light(tmp_path, degrees):
 @bakes
 def test_drops_over_the_border_and_over_the_whole_lens(tmp_path):
     lens = camera(48, 32)
-    border = bake(water_mesh(one_drop(0.0, 0.4, 0.2), np.inf, lens), lens, tmp_path, paths=3)
+    waters = one_drop(0.0, 0.4, 0.2), one_drop(0.6, 0.4, 3.0, degrees=30)
+    border, flood = (bake(water_mesh(water, np.inf, lens), lens, tmp_path, paths=3) for water in waters)
     assert border.mask[16, 0] == 1
     assert border.mask[:, 12:].max() == 0
-    flood = bake(water_mesh(one_drop(0.6, 0.4, 3.0, degrees=30), np.inf, lens), lens, tmp_path, paths=3)
     assert flood.mask.min() == 1
     assert np.all(np.isfinite(flood.apply(np.ones((32, 48, 3), np.float32))))
 

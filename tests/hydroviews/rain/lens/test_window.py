@@ -1,5 +1,3 @@
-"""The effect `window`, from the pattern to the picture."""
-
 import json
 from dataclasses import replace
 
@@ -43,19 +41,19 @@ def picture(seed: int) -> np.ndarray:
     return np.random.default_rng(seed).uniform(0, 1, (45, 60, 3)).astype(np.float32)
 
 
-def half_wet(pattern, camera, folder, frame):
-    """A matte whose left half is water that is bright below; its paths end where they begin."""
-    none = dry(camera.height, camera.width, window=True)
+@pytest.fixture
+def half_wet(monkeypatch):
+    """The left half of every pane is water that is bright below; its paths end where they begin."""
+    none = dry(45, 60, window=True)
     mask, sky = np.zeros_like(none.mask), np.zeros_like(none.mask)
-    mask[:, : camera.width // 2] = 0.9
-    sky[camera.height // 2 :, : camera.width // 2] = 0.9
-    return PathMatte(mask, mask, none.pixels, none.paths, 0.0, sky)
+    mask[:, :30], sky[22:, :30] = 0.9, 0.9
+    matte = PathMatte(mask, mask, none.pixels, none.paths, 0.0, sky)
+    monkeypatch.setattr("hydroviews.rain.lens.raindrops.bake_matte", lambda *_: matte)
 
 
 def test_grades_have_kinds_of_their_own_and_the_same_seed_the_same_pattern():
-    effect = WindowEffect()
     for index, grade in enumerate(GRADES):
-        drawn, again = (effect.draw(Pattern("window", index), statistics()) for _ in range(2))
+        drawn, again = (WindowEffect().draw(Pattern("window", index), statistics()) for _ in range(2))
         assert drawn == again
         assert drawn.kind in BY_GRADE[index]
         assert Pattern("window", index).grade == grade
@@ -81,34 +79,35 @@ def test_film_that_harms_too_much_has_fewer_bands():
     assert grade_window(film, "heavy", dear).film == 6  # heavy panes keep all of theirs
 
 
-def test_the_rainy_view_follows_from_layers_and_parameters_alone(tmp_path, monkeypatch):
-    monkeypatch.setattr("hydroviews.rain.lens.raindrops.bake_matte", half_wet)
-    scene = statistics()
+@pytest.mark.usefixtures("half_wet")
+def test_the_rainy_view_follows_from_layers_and_parameters_alone(tmp_path):
+    scene, clean = statistics(), picture(0)
     rain = Window(replace(PANE, mist_blur=0.0), scene)
-    clean = picture(0)
     layers = fall(rain.prepare(CAMERA, tmp_path), clean, scene.views[0])
-    assert set(layers) == {"M", "V", "R", "G", "B"}
+    assert set(layers) == set("MVRGB")
     rainy = WindowEffect().composite(rain.parameters, clean, layers)
     passing = ((1 - layers["M"]) * (1 - layers["V"]))[..., None]
     expected = to_srgb(to_linear(clean) * passing + np.stack([layers[c] for c in "RGB"], -1))
     assert np.allclose(rainy, expected, atol=1e-6)
 
 
-def test_own_light_does_not_depend_on_the_scene(tmp_path, monkeypatch):
-    monkeypatch.setattr("hydroviews.rain.lens.raindrops.bake_matte", half_wet)
+@pytest.mark.usefixtures("half_wet")
+def test_own_light_does_not_depend_on_the_scene(tmp_path):
     scene = statistics()
-    own, mixed = (Window(replace(PANE, own_light=share), scene).prepare(CAMERA, tmp_path) for share in (1.0, 0.5))
-    (one, other), (first, second) = (
-        [rain.layers(clean, scene.views[0]) for clean in (picture(0), picture(1) ** 2)] for rain in (own, mixed)
-    )
+
+    def panes(share):
+        rain = Window(replace(PANE, own_light=share), scene).prepare(CAMERA, tmp_path)
+        return [rain.layers(clean, scene.views[0]) for clean in (picture(0), picture(1) ** 2)]
+
+    one, other = panes(1.0)
+    first, second = panes(0.5)
     assert all(np.array_equal(one[name], other[name]) for name in one)
     assert one["G"][40, :20].mean() > 3 * one["G"][5, :20].mean()
     assert not np.array_equal(first["R"], second["R"])
 
 
 def test_the_scene_is_blurred_where_mist_is_thick():
-    light = picture(0)
-    veil = np.zeros((45, 60), np.float32)
+    light, veil = picture(0), np.zeros((45, 60), np.float32)
     veil[:, 30:] = 1.0
     seen = behind_mist(light, veil, 0.05)
     assert np.array_equal(seen[:, :30], light[:, :30])
@@ -123,14 +122,13 @@ def test_baked_beads_are_dark_above_and_bright_below(tmp_path):
     assert matte.sky is not None
     assert 0.05 < matte.mask.mean() < 0.9
     assert np.all(matte.sky <= matte.mask + 1e-5)
-    water, side = lens_bake.water_of(pattern, CAMERA, 0), np.sqrt(60 * 45)
-    above, below = [], []
-    for (x, y), radius in zip(water.beads.places * side, water.beads.radii * side, strict=True):
-        if radius > 2 and 4 < x < 56 and 4 < y < 41:
-            above.append(matte.sky[int(y - 0.7 * radius), int(x)])
-            below.append(matte.sky[int(y + 0.7 * radius), int(x)])
+    beads, side = lens_bake.water_of(pattern, CAMERA, 0).beads, np.sqrt(60 * 45)
+    places, radii = beads.places * side, beads.radii * side
+    inside = (radii > 2) & np.all((places > 4) & (places < (56, 41)), axis=1)
+    (x, y), away = places[inside].T, 0.7 * radii[inside]
+    above, below = (matte.sky[rows.astype(int), x.astype(int)] for rows in (y - away, y + away))
     assert len(above) >= 3
-    assert np.mean(below) > np.mean(above) + 0.2
+    assert below.mean() > above.mean() + 0.2
 
 
 @bakes
@@ -140,12 +138,11 @@ def test_renewed_beads_keep_their_own_light(tmp_path, monkeypatch):
     ready = Window(replace(PANE, renewed=0.5, mist=0.0), scene).prepare(CAMERA, tmp_path)
     first, second = (ready.layers(picture(0), view) for view in scene.views[:2])
     assert not np.array_equal(first["M"], second["M"])
-    wet = first["M"] > 0.9
-    assert wet.any()
-    assert first["G"][wet].std() > 0.05  # bright and dark parts
+    wet = first["G"][first["M"] > 0.9]
+    assert wet.size > 0
+    assert wet.std() > 0.05  # bright and dark parts
     dark, bright = to_linear(np.array([PANE.dark, PANE.bright], np.float32))
-    assert (1 - PANE.uneven) * dark * 0.85 <= first["G"][wet].min()
-    assert first["G"][wet].max() <= bright * 1.001
+    assert (1 - PANE.uneven) * dark * 0.85 <= wet.min() <= wet.max() <= bright * 1.001
 
 
 @bakes

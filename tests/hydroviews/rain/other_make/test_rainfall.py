@@ -5,13 +5,7 @@ import cv2
 import numpy as np
 import pytest
 
-from hydroviews.rain.other_make.rainfall import (
-    MOST,
-    draw_pattern,
-    draw_rainfall,
-    fall_direction,
-    rain_over,
-)
+from hydroviews.rain.other_make.rainfall import MOST, draw_pattern, draw_rainfall, fall_direction, rain_over
 from hydroviews.rain.other_make.severity import rainfall_harm
 from hydroviews.rain.other_make.streak import OtherStreaks, Rainfall, fall_in
 from hydroviews.rain.other_make.strokes import FINEST, draw_strokes
@@ -20,15 +14,14 @@ from hydroviews.rain.streaks.measures import streak_angle
 from hydroviews.scene.cameras import Camera
 from hydroviews.scene.seeds import generator
 
-EFFECT = OtherStreaks()
 PATTERN = replace(draw_pattern(generator(1, "rain")), strokes=2000.0, veil=0.1)
 STILL = replace(PATTERN, lean=0.0, swirl=0.0, bend=0.0)
 DOWN, AHEAD = np.array([0.0, 1, 0]), np.array([0.0, 0, 1])
 
 
-def camera(width, height, focal=1.2, pose=None):
-    long = focal * max(width, height)
-    return Camera(width, height, long, long, width / 2, height / 2, np.eye(4) if pose is None else pose)
+def camera(width, height, pose):
+    focal = 1.2 * max(width, height)
+    return Camera(width, height, focal, focal, width / 2, height / 2, pose)
 
 
 def turned(axis, degrees):
@@ -60,7 +53,7 @@ def test_a_stroke_is_the_formula(ends, bend):
 
 @pytest.mark.parametrize("roll", [-30, 0, 20, 90])
 def test_rain_falls_down_however_the_camera_is_held(roll):
-    view = camera(320, 240, pose=turned(AHEAD, roll))
+    view = camera(320, 240, turned(AHEAD, roll))
     layer = draw_rainfall(STILL, view, view.rotation @ fall_direction(STILL, DOWN, AHEAD), generator(0))
     off = (streak_angle(layer) - (90 - roll) + 90) % 180 - 90
     assert abs(off) < 2
@@ -68,7 +61,7 @@ def test_rain_falls_down_however_the_camera_is_held(roll):
 
 def test_rain_seen_from_below_flies_apart_from_a_vanishing_point():
     """A camera that looks up sees streaks that run away from its middle."""
-    view = camera(200, 200, pose=turned((1, 0, 0), -90))
+    view = camera(200, 200, turned((1, 0, 0), -90))
     towards = view.rotation @ DOWN
     assert abs(towards[2]) > 0.99
     layer = draw_rainfall(replace(STILL, strokes=600.0, length=0.4), view, towards, generator(0))
@@ -78,10 +71,10 @@ def test_rain_seen_from_below_flies_apart_from_a_vanishing_point():
 
 
 def test_every_view_has_other_streaks_and_the_same_again(statistics):
-    rain = Rainfall(PATTERN, Pattern("streak-b", 0), statistics)
-    layers = [rain.layers(view.image(), view)["A"].tobytes() for view in statistics.views]
-    assert len(set(layers)) == len(layers)
-    assert layers[3] == rain.layers(statistics.views[3].image(), statistics.views[3])["A"].tobytes()
+    rain, views = Rainfall(PATTERN, Pattern("streak-b", 0), statistics), statistics.views
+    layers = [rain.layers(view.image(), view)["A"].tobytes() for view in (*views, views[3])]
+    assert len(set(layers)) == len(views)
+    assert layers[3] == layers[-1]
 
 
 def test_cameras_that_do_not_tell_up_see_rain_fall_down_their_pictures(statistics, caplog):
@@ -107,8 +100,7 @@ def test_the_composite_is_its_formula_under_a_coloured_sky(screen):
 
 
 def test_grades_are_harder_in_order_and_within_reach(statistics):
-    drawn = [EFFECT.draw(Pattern("streak-b", level), statistics) for level in range(3)]
-    falls = [DOWN] * len(statistics.samples)
-    harms = [rainfall_harm(pattern, statistics, falls) for pattern in drawn]
+    drawn = [OtherStreaks().draw(Pattern("streak-b", level), statistics) for level in range(3)]
+    harms = [rainfall_harm(pattern, statistics, [DOWN] * len(statistics.samples)) for pattern in drawn]
     assert harms == sorted(harms)
     assert all(0 < pattern.strokes <= MOST for pattern in drawn)

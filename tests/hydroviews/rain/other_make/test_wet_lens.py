@@ -16,9 +16,9 @@ PATTERN = replace(draw_pattern(generator(3, "lens"), 1), mist=0.4, key_frames=1)
 SHARP = replace(PATTERN, focus_blur=1e-6, aperture_blades=0)
 
 
-def camera(width, height, focal=1.2):
-    long = focal * max(width, height)
-    return Camera(width, height, long, long, width / 2, height / 2, np.eye(4))
+def camera(width, height):
+    focal = 1.2 * max(width, height)
+    return Camera(width, height, focal, focal, width / 2, height / 2, np.eye(4))
 
 
 def waves(width, height):
@@ -27,18 +27,17 @@ def waves(width, height):
     return np.stack(planes, axis=-1).astype(np.float32)
 
 
-def one_drop(place=(0.0, 0.0), radius=0.2, contact=0.9, meniscus=False):
-    body = Bodies(np.eye(2)[None], np.zeros((1, 2)), np.array([contact]), np.array([meniscus]))
-    return Drops(np.array([place]), np.array([radius]), body)
+BODY = Bodies(np.eye(2)[None], np.zeros((1, 2)), np.array([0.9]), np.array([False]))
+ONE_DROP = Drops(np.zeros((1, 2)), np.array([0.2]), BODY)
 
 
-def seen(drops, width=120, height=90, pattern=SHARP, clean=None):
-    lens = map_lens(pattern, drops, camera(width, height))
-    return see_through(lens, waves(width, height) if clean is None else clean, pattern)
+def seen(drops, width=120, height=90):
+    """Cover and light of sharp drops before waves."""
+    return see_through(map_lens(SHARP, drops, camera(width, height)), waves(width, height), SHARP)
 
 
 def test_a_drop_covers_its_disk():
-    cover, _ = seen(one_drop(radius=0.2), 240, 180)
+    cover, _ = seen(ONE_DROP, 240, 180)
     assert cover.mean() == pytest.approx(np.pi * 0.2**2, rel=0.01)
     assert cover[90, 120] == 1
     assert cover[:20].max() == 0
@@ -46,21 +45,20 @@ def test_a_drop_covers_its_disk():
 
 def test_a_drop_shows_the_scene_upside_down():
     """Left in it is what is right behind it; waves are redder to the right and greener below."""
-    _, light = seen(one_drop())
+    _, light = seen(ONE_DROP)
     assert light[45, 52, 0] > light[45, 68, 0] + 0.1
     assert light[37, 60, 1] > light[53, 60, 1] + 0.1
 
 
 def test_coverage_is_what_was_asked_for_and_more_adds_drops():
-    some = drops_on(replace(PATTERN, clustered=0.0, coverage=0.1), 400, 300, 0.0)
-    more = drops_on(replace(PATTERN, clustered=0.0, coverage=0.15), 400, 300, 0.0)
+    def drops(**changes):
+        return drops_on(replace(PATTERN, clustered=0.0, **changes), 400, 300, 0.0)
+
+    some, more = drops(coverage=0.1), drops(coverage=0.15)
     np.testing.assert_array_equal(more.places[: len(some.radii)], some.places)
     np.testing.assert_array_equal(more.bodies.inverse[: len(some.radii)], some.bodies.inverse)
     assert len(more.radii) > len(some.radii)
-    covers = [
-        seen(drops_on(replace(PATTERN, seed=seed, clustered=0.0, coverage=0.1), 400, 300, 0.0), 400, 300)[0].mean()
-        for seed in range(6)
-    ]
+    covers = [seen(drops(seed=seed, coverage=0.1), 400, 300)[0].mean() for seed in range(6)]
     assert np.mean(covers) == pytest.approx(0.1, rel=0.15)
 
 
@@ -74,7 +72,6 @@ def test_drops_stay_or_drift_as_key_frames_say(statistics):
 
 
 def test_the_rainy_view_is_the_equation_in_encoded_values(statistics):
-    """Drops and mist over the view, written out in float64; where there is neither, nothing changes."""
     rain, view = WetLens(replace(PATTERN, mist_contrast=1.0), statistics), statistics.views[1]
     clean = view.image()
     layers = fall(rain.prepare(view.camera, view.path.parent), clean, view)

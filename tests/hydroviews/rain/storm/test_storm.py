@@ -25,11 +25,9 @@ SHUTTER = Shutter(time=0, exposure=0.01, aperture=0.0, focus=4.0)
 PATTERN = StormPattern(30.0, 1.0, 1.0, 40.0, 0.2, 0.01, 0.003, 1.0, 5)
 
 
-def camera(width: int = 100, height: int = 75, at: tuple[float, float, float] = (0, 0, 0)) -> Camera:
-    """Looking along +z, y down."""
-    pose = np.eye(4)
-    pose[:3, 3] = -np.array(at)
-    return Camera(width, height, 0.9 * width, 0.9 * width, width / 2, height / 2, pose)
+def camera(width: int = 100, height: int = 75) -> Camera:
+    """At the origin, looking along +z, y down."""
+    return Camera(width, height, 0.9 * width, 0.9 * width, width / 2, height / 2, np.eye(4))
 
 
 def far(view: Camera) -> np.ndarray:
@@ -38,8 +36,7 @@ def far(view: Camera) -> np.ndarray:
 
 def one_drop(at: tuple, velocity: tuple = (0, 8.0, 0), diameter: float = 0.003) -> Cloud:
     """A world with a single drop; it repeats after 100 metres."""
-    arrays = (np.array([at], float), np.array([velocity], float), np.array([diameter]), np.array([100.0]))
-    return Cloud(*arrays)
+    return Cloud(*(np.array([values], float) for values in (at, velocity, diameter, 100)))
 
 
 def composite(layers, picture):
@@ -54,10 +51,8 @@ def test_sizes_and_speeds_are_those_of_the_literature():
     for order in (0, 2, 3):
         by_hand = integrate.simpson(sizes**order * numbers, x=sizes)
         assert storm_drops.moment(order, 10, 0.5, 6) == pytest.approx(by_hand, rel=1e-6)
-    # Gunn and Kinzer's measurements, m/s.
-    measured = {1.0: 4.03, 2.0: 6.49, 3.0: 8.06, 4.0: 8.83, 5.0: 9.09}
-    for diameter, speed in measured.items():
-        assert storm_drops.fall_speed(np.array(diameter)) == pytest.approx(speed, rel=0.03)
+    measured = [4.03, 6.49, 8.06, 8.83, 9.09]  # by Gunn and Kinzer, m/s
+    assert storm_drops.fall_speed(np.arange(1.0, 6)) == pytest.approx(measured, rel=0.03)
 
 
 def test_a_denser_storm_keeps_its_drops():
@@ -73,10 +68,9 @@ def test_drawn_drops_and_veil_together_hide_what_all_drops_hide():
     covers = [draw(project(cloud, view, replace(SHUTTER, time=t)), far(view)) for t in (0.0, 0.7, 1.9)]
     drawn = float(np.mean(-np.log1p(-np.stack(covers))))
     everywhere = 6 * storm_drops.moment(2, 30, 0, 100) * np.pi / 4 * 1e-6  # m^2 a cubic metre
-    distance = 30.0
-    veil = float(storm_drops.optical_depth(30, 6, np.array(distance)))
+    veil = float(storm_drops.optical_depth(30, 6, np.array(30.0)))  # up to 30 metres
     assert veil > 0.5 * drawn > 0
-    assert drawn + veil == pytest.approx(everywhere * distance, rel=0.03)
+    assert drawn + veil == pytest.approx(everywhere * 30, rel=0.03)
 
 
 @pytest.mark.parametrize("velocity", [(0, 8, 0), (5, 5, 0), (-3, 8, 1), (8, 0, 0), (0, 0, 0.5), (0, 0, 0)])
@@ -134,10 +128,9 @@ def test_a_drop_that_passes_the_lens_is_drawn_while_it_is_in_front(speed):
     streaks = project(one_drop((0.02, 0.0, half), (0, 0, speed)), view, SHUTTER)
     assert len(streaks) == 1
     assert np.isfinite(streaks).all()
-    near, far_end = NEAREST, NEAREST + 0.5 * abs(speed) * SHUTTER.exposure
-    ends = [view.fx * 0.02 / z + view.cx for z in (near, far_end)]
-    assert streaks[0, 4] == pytest.approx(abs(ends[0] - ends[1]))
-    assert streaks[0, 6] == pytest.approx(0.5 * np.pi / 4 * (0.003 * view.fx / ((near + far_end) / 2)) ** 2)
+    farthest = NEAREST + 0.5 * abs(speed) * SHUTTER.exposure
+    assert streaks[0, 4] == pytest.approx(view.fx * 0.02 * (1 / NEAREST - 1 / farthest))
+    assert streaks[0, 6] == pytest.approx(0.5 * np.pi / 4 * (0.003 * view.fx / ((NEAREST + farthest) / 2)) ** 2)
     assert len(project(one_drop((0.02, 0, -1.0), (0, 0, 1.0)), view, SHUTTER)) == 0
 
 
@@ -152,16 +145,16 @@ def test_streaks_lean_with_the_wind(wind):
 
 
 def test_up_is_told_from_level_cameras():
-    ring = [View(str(i), ring_camera(i, 48, 36), None) for i in range(9)]
-    assert np.allclose(up_direction(ring), [0, -1, 0], atol=3e-3)
-    tilt = cv2.Rodrigues(np.array([0.5, 0, 0]))[0]  # all look the same way, down
-    pose = np.eye(4)
-    pose[:3, :3] = tilt
-    tilted = [View("a", Camera(4, 3, 4, 4, 2, 1.5, pose), None)]
-    assert np.allclose(up_direction(tilted), -tilt[1], atol=1e-9)
-    turned = np.diag([-1.0, -1, 1, 1])  # on its head
+    def up(*cameras):
+        return up_direction([View(str(i), camera, None) for i, camera in enumerate(cameras)])
+
+    assert np.allclose(up(*(ring_camera(i, 48, 36) for i in range(9))), [0, -1, 0], atol=3e-3)
+    tilt = np.eye(4)  # all look the same way, down
+    tilt[:3, :3] = cv2.Rodrigues(np.array([0.5, 0, 0]))[0]
+    assert np.allclose(up(replace(camera(), world_to_camera=tilt)), -tilt[1, :3], atol=1e-9)
+    on_its_head = replace(camera(), world_to_camera=np.diag([-1.0, -1, 1, 1]))
     with pytest.raises(InputError, match="which way is up"):
-        up_direction([View("a", camera(), None), View("b", replace(camera(), world_to_camera=turned), None)])
+        up(camera(), on_its_head)
 
 
 def test_scale_is_estimated_from_what_cameras_look_at(statistics):
@@ -183,11 +176,10 @@ def test_an_impossible_scale_is_refused(statistics, impossible):
 def test_the_same_storm_in_other_units(yard):
     small = tuple(replace(v, camera=in_metres(v.camera, 0.1)) for v in yard.views)
     points = replace(yard.points, positions=yard.points.positions * 0.1)
-    other = Storm(PATTERN, replace(yard, views=small, points=points, metres_per_unit=10.0))
-    clean = yard.views[2].image()
-    planes = other.layers(clean, small[2])
-    for name, plane in Storm(PATTERN, yard).layers(clean, yard.views[2]).items():
-        assert np.allclose(plane, planes[name], atol=1e-5), name
+    other = replace(yard, views=small, points=points, metres_per_unit=10.0)
+    planes, same = (Storm(PATTERN, s).layers(yard.views[2].image(), s.views[2]) for s in (yard, other))
+    for name, plane in planes.items():
+        assert np.allclose(plane, same[name], atol=1e-5), name
 
 
 def test_layers_are_a_composite_in_linear_light(statistics):
@@ -227,8 +219,7 @@ def test_the_veil_grows_with_distance_and_is_mixed_at_edges(yard):
     storm = Storm(replace(PATTERN, density=20.0), yard)
     view = camera(80, 60)
     clean, depth = np.full((60, 80, 3), 0.2, np.float32), np.full((60, 80), 5.0, np.float32)
-    depth[:, 40:] = np.inf
-    clean[:, 41:] = 0.8
+    depth[:, 40:], clean[:, 41:] = np.inf, 0.8
     clean[:, 40] = 0.5  # half of it is the far side
     veil = storm.veil(view, depth, clean)
     near, sky = veil[:, 30].mean(), veil[:, 70].mean()

@@ -18,25 +18,21 @@ PATTERN = Pattern("haze", 1)
 GREY_AIR = (0.9, 0.9, 0.9)
 
 
-def grey(view: View, value: float = 0.2) -> np.ndarray:
-    return np.full((view.camera.height, view.camera.width, 3), value, np.float32)
-
-
-def cover(extinction: float, view: View, statistics: SceneStatistics) -> np.ndarray:
-    return in_haze(extinction, view, statistics, grey(view)).layers["H"]
-
-
 def in_haze(extinction, view, statistics, picture, air=GREY_AIR):
     return rained(Haze(), HazePattern(extinction, air), PATTERN, statistics, view, picture)
 
 
-def with_depth(view: View, depth) -> View:
+def cover(extinction: float, view: View, statistics: SceneStatistics) -> np.ndarray:
+    picture = np.full((view.camera.height, view.camera.width, 3), 0.2, np.float32)
+    return in_haze(extinction, view, statistics, picture).layers["H"]
+
+
+def write_map(view: View, depth) -> None:
     write_depth(depth_path(view), np.broadcast_to(np.float32(depth), (view.camera.height, view.camera.width)))
-    return view
 
 
 def test_cover_follows_the_distance_along_the_ray(yard, ahead):
-    with_depth(ahead, 3.0)
+    write_map(ahead, 3.0)
     camera = ahead.camera
     y, x = np.mgrid[0 : camera.height, 0 : camera.width] + 0.5
     far = 3.0 * np.sqrt(1 + ((x - camera.cx) / camera.fx) ** 2 + ((y - camera.cy) / camera.fy) ** 2)
@@ -56,7 +52,7 @@ def test_the_composite_is_koschmieders_law(yard):
 
 def test_without_extinction_the_view_stays_to_the_byte(yard, ahead):
     for depth in (2.0, np.inf):
-        with_depth(ahead, depth)
+        write_map(ahead, depth)
         picture = np.random.default_rng(0).random((30, 40, 3)).astype(np.float32)
         assert np.array_equal(to_uint8(in_haze(0.0, ahead, yard, picture).picture), to_uint8(picture))
     parameters = Haze().place(HazePattern(0.0, GREY_AIR), PATTERN, yard).parameters
@@ -68,7 +64,7 @@ def test_without_extinction_the_view_stays_to_the_byte(yard, ahead):
 def test_what_has_no_depth_is_sky_behind_a_layer_of_haze(yard, ahead, nothing):
     depth = np.full((30, 40), 2.0, np.float32)
     depth[:, 20:] = nothing
-    with_depth(ahead, depth)
+    write_map(ahead, depth)
     found = cover(0.01, ahead, yard)
     assert np.isfinite(found).all()
     assert found[:, 30:] == pytest.approx(1 - np.exp(-0.01 * DEEPEST), abs=1e-3)
@@ -89,10 +85,8 @@ def test_neither_depth_nor_points(yard, ahead):
 
 
 def test_an_unknown_scale_is_estimated_and_said_to_be(yard):
-    known, unknown = (
-        Haze().place(HazePattern(0.1, GREY_AIR), PATTERN, s).parameters
-        for s in (yard, replace(yard, metres_per_unit=None))
-    )
+    scenes = yard, replace(yard, metres_per_unit=None)
+    known, unknown = (Haze().place(HazePattern(0.1, GREY_AIR), PATTERN, scene).parameters for scene in scenes)
     assert (known["metres_per_unit"], known["metres_estimated"]) == (1.0, False)
     assert unknown["metres_per_unit"] == pytest.approx(1.0, rel=0.1)
     assert unknown["metres_estimated"]

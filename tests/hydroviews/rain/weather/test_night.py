@@ -11,12 +11,12 @@ from hydroviews.rain.scene_statistics import Light
 from hydroviews.rain.weather import lamps
 from hydroviews.rain.weather.dark import AmbientPattern
 from hydroviews.rain.weather.night import Evening, Lamps, Night
-from hydroviews.scene.cameras import Camera
 from hydroviews.scene.depth import depth_path, write_depth
 from hydroviews.scene.images import to_linear, to_srgb
 from hydroviews.scene.scenes import no_points
 
 PATTERN = Pattern("night", 2)
+GREY = np.full((30, 40, 3), 0.5, np.float32)
 EVENING = Evening(
     ambient=AmbientPattern(3.0, 0.05, (1.0, 1.0, 1.0), 0.2),
     lamps=((0.3, -0.2, 2.0),),
@@ -33,11 +33,6 @@ def lit(evening, picture, view, statistics):
 
 def wall(view, metres: float):
     write_depth(depth_path(view), np.full((view.camera.height, view.camera.width), metres))
-
-
-def pixel(camera: Camera, place) -> tuple[int, int]:
-    u, v = camera.project([place])[0][0]
-    return int(v), int(u)
 
 
 def test_lit_air_against_the_integral_along_the_ray(ahead):
@@ -58,24 +53,23 @@ def test_lit_air_against_the_integral_along_the_ray(ahead):
 
 def test_a_lamp_has_its_place_in_the_world(yard, ahead):
     """Every camera sees it where it hangs, and the wall behind it is lit around that place."""
-    picture = np.full((30, 40, 3), 0.5, np.float32)
     beside = np.eye(4)
     beside[0, 3] = -0.5
     for view in (ahead, replace(ahead, camera=replace(ahead.camera, world_to_camera=beside))):
         wall(view, 2.5)
-        _, layers = lit(EVENING, picture, view, yard)
-        at = pixel(view.camera, EVENING.lamps[0])
-        assert np.unravel_index(layers["G"].argmax(), layers["G"].shape) == at
+        _, layers = lit(EVENING, GREY, view, yard)
+        at = view.camera.project(EVENING.lamps)[0][0, ::-1].astype(int)  # row and column
+        glow, light = (np.unravel_index(layers[name].argmax(), (30, 40)) for name in "GE")
+        assert glow == tuple(at)
         assert layers["G"].max() > 1  # the lamp itself
-        row, column = np.unravel_index(layers["E"].argmax(), layers["E"].shape)
-        assert abs(row - at[0]) + abs(column - at[1]) <= 3
+        assert np.abs(light - at).sum() <= 3
 
 
 def test_what_is_nearer_hides_lamps(yard, ahead):
-    picture, glows = np.full((30, 40, 3), 0.5, np.float32), []
+    glows = []
     for metres in (1.0, 1.9, 5.0):
         wall(ahead, metres)
-        glows.append(lit(EVENING, picture, ahead, yard)[1]["G"])
+        glows.append(lit(EVENING, GREY, ahead, yard)[1]["G"])
     assert glows[0].max() < glows[1].max() < 0.05 < 1 < glows[2].max()
     assert glows[0].mean() < glows[1].mean() < glows[2].mean()
 
@@ -95,8 +89,7 @@ def test_photographed_lamps_stay_bright_and_the_sky_does_not(yard, ahead):
 
 
 def test_the_equation_of_the_night(yard, ahead):
-    rng = np.random.default_rng(0)
-    picture = rng.random((30, 40, 3)).astype(np.float32)
+    picture = np.random.default_rng(0).random((30, 40, 3)).astype(np.float32)
     wall(ahead, 2.5)
     evening = replace(EVENING, colour=(1.2, 1.0, 0.5))
     night, layers = lit(evening, picture, ahead, yard)

@@ -30,51 +30,50 @@ def traced(margin: int = 0, shift: tuple[int, int] = (0, 0)) -> dict[str, np.nda
     return {"cover": cover, "pixel": pixel, "place": place, "throughput": rng.uniform(0.05, 0.1, len(pixel))}
 
 
-def left_or_right(margin: int, shift: int = 0):
-    return lambda places: (places[:, 0] > 7 + margin + shift).astype(np.int64)
+def bank_of(margin: int = 0, shift: tuple[int, int] = (0, 0)) -> DropBank:
+    """The two drops, told apart by where they are across."""
+    return cut(
+        traced(margin, shift), (margin, margin), 2, lambda at: (at[:, 0] > 7 + margin + shift[0]).astype(np.int64)
+    )
 
 
-def painted(bank: DropBank, light, slots, shift=(0, 0)) -> DropPainter:
+def painted(bank: DropBank, light, slots=(0, 1), shift=(0, 0)) -> DropPainter:
     painter = DropPainter(light)
     painter.paint(bank, np.array(slots), shift)
     return painter
 
 
 def test_all_drops_at_their_places_are_the_path_matte(light):
-    lens = traced()
-    matte = assemble(*lens.values(), disk=0.0)
-    found = painted(cut(lens, (0, 0), 2, left_or_right(0)), light, [0, 1])
+    matte = assemble(*traced().values(), disk=0.0)
+    found = painted(bank_of(), light)
     np.testing.assert_allclose(found.mask, matte.mask, atol=1e-6)
     np.testing.assert_allclose(found.radiance, matte.apply(light), atol=1e-5)
 
 
 @pytest.mark.parametrize("shift", [(3, 1), (-4, -4), (0, 5), (20, 0)])
 def test_moved_drops_take_their_light_along_and_the_picture_is_mirrored_only_then(light, shift):
-    bank = cut(traced(margin=4), (4, 4), 2, left_or_right(4))
-    found = painted(bank, light, [0, 1], shift)
+    found = painted(bank_of(margin=4), light, shift=shift)
     if shift == (20, 0):
         assert not found.mask.any()
         return
-    inside = cut(traced(margin=8, shift=shift), (8, 8), 2, left_or_right(8, shift[0]))
-    there = painted(inside, light, [0, 1])
+    there = painted(bank_of(margin=8, shift=shift), light)
     np.testing.assert_allclose(found.mask, there.mask, atol=1e-6)
     np.testing.assert_allclose(found.radiance, there.radiance, atol=1e-5)
 
 
 def test_water_over_water_hides_it_and_no_light_is_gained(light):
-    bank = cut(traced(), (0, 0), 2, left_or_right(0))
-    painter = painted(bank, np.ones_like(light), [0, 0, 1, 1])
+    painter = painted(bank_of(), np.ones_like(light), [0, 0, 1, 1])
     np.testing.assert_allclose(painter.radiance, np.repeat(painter.mask[..., None], 3, 2), atol=1e-5)
     assert painter.mask.max() <= 1
 
 
 def test_drops_are_kept_and_damage_is_told(tmp_path):
-    bank = cut(traced(), (0, 0), 2, left_or_right(0))
-    bank.save(tmp_path / "drops.npz", "key")
-    kept, key = DropBank.load(tmp_path / "drops.npz")
+    bank, path = bank_of(), tmp_path / "drops.npz"
+    bank.save(path, "key")
+    kept, key = DropBank.load(path)
     assert key == "key"
     assert np.array_equal(kept.ends, bank.ends)
     assert np.array_equal(kept.starts, bank.starts)
-    (tmp_path / "drops.npz").write_bytes((tmp_path / "drops.npz").read_bytes()[:500])
+    path.write_bytes(path.read_bytes()[:500])
     with pytest.raises(InputError, match=r"drops.npz: cannot be read"):
-        DropBank.load(tmp_path / "drops.npz")
+        DropBank.load(path)

@@ -5,29 +5,20 @@ from hydroviews.errors import InputError
 from hydroviews.rain.lens.optics.path_matte import PathMatte, assemble
 
 
-def paths_from(places, throughput=1.0, shape=(5, 7), disk=0.0) -> PathMatte:
-    """One path for every pixel of a lens that is all under water."""
-    pixels = np.arange(shape[0] * shape[1])
-    return assemble(np.ones(shape), pixels, np.asarray(places, float), np.full(len(pixels), throughput), disk)
-
-
-def pixel_centres(shape=(5, 7)):
-    y, x = np.mgrid[0 : shape[0], 0 : shape[1]] + 0.5
-    return np.stack([x.ravel(), y.ravel()], -1)
+def paths_off(offset, throughput=1.0, disk=0.0) -> PathMatte:
+    """One path for every pixel of a lens that is all under water, to so far from it."""
+    y, x = np.mgrid[0:5, 0:7] + 0.5
+    places = np.stack([x.ravel(), y.ravel()], -1) + offset
+    return assemble(np.ones((5, 7)), np.arange(35), places, np.full(35, throughput), disk)
 
 
 @pytest.fixture
-def rng():
-    return np.random.default_rng(0)
-
-
-@pytest.fixture
-def picture(rng):
-    return rng.random((5, 7, 3)).astype(np.float32)
+def picture():
+    return np.random.default_rng(0).random((5, 7, 3)).astype(np.float32)
 
 
 def test_paths_between_pixels_are_bilinear(picture):
-    shifted = paths_from(pixel_centres() + np.array([0.25, 0])).apply(picture)
+    shifted = paths_off((0.25, 0)).apply(picture)
     np.testing.assert_allclose(shifted[:, :-1], 0.75 * picture[:, :-1] + 0.25 * picture[:, 1:], atol=1e-6)
 
 
@@ -35,16 +26,17 @@ def test_paths_between_pixels_are_bilinear(picture):
     ("offset", "flip"), [((7, 0), 1), ((-7, 0), 1), ((0, 5), 0), ((0, -5), 0), ((28, -10), ())], ids=str
 )
 def test_the_picture_is_mirrored_beyond_its_borders(picture, offset, flip):
-    found = paths_from(pixel_centres() + offset).apply(picture)
+    found = paths_off(offset).apply(picture)
     np.testing.assert_allclose(found, np.flip(picture, axis=flip), atol=1e-6)
 
 
 def test_light_that_no_path_accounts_for_is_as_bright_as_the_view(picture):
-    drops = paths_from(pixel_centres(), throughput=0.25).apply(picture)
+    drops = paths_off(0, throughput=0.25).apply(picture)
     np.testing.assert_allclose(drops, 0.25 * picture + 0.75 * picture.mean(axis=(0, 1)), atol=1e-6)
 
 
-def test_a_grey_picture_stays_grey_behind_defocused_drops(rng):
+def test_a_grey_picture_stays_grey_behind_defocused_drops():
+    rng = np.random.default_rng(0)
     pixels = rng.integers(0, 35, 60)
     throughput = np.full(60, 0.1)
     cover = np.bincount(pixels, throughput, minlength=35).reshape(5, 7) * 1.3
@@ -54,7 +46,7 @@ def test_a_grey_picture_stays_grey_behind_defocused_drops(rng):
 
 
 def test_a_matte_comes_back_from_its_file(picture, tmp_path):
-    matte = paths_from(pixel_centres() + 0.3, 0.7, disk=2.0)
+    matte = paths_off(0.3, 0.7, disk=2.0)
     matte.save(tmp_path / "matte.npz", "a key")
     loaded, key = PathMatte.load(tmp_path / "matte.npz")
     assert key == "a key"

@@ -16,8 +16,12 @@ def all_disks(drops) -> np.ndarray:
     return np.array([disk for drop in drops for disk in drop.outline.disks])
 
 
-def water_of(drops) -> float:
-    return sum(drop.outline.radius**3 for drop in drops)
+def reach(drops) -> np.ndarray:
+    """Distances between disks of different drops, over the sums of their radii."""
+    disks = all_disks(drops)
+    owner = np.repeat(np.arange(len(drops)), [len(drop.outline.disks) for drop in drops])
+    apart = np.linalg.norm(disks[:, None, :2] - disks[None, :, :2], axis=-1)
+    return (apart / (disks[:, None, 2] + disks[:, 2]))[owner[:, None] != owner]
 
 
 def test_the_same_generator_draws_the_same_pattern_and_it_goes_through_json():
@@ -32,25 +36,19 @@ def test_the_same_generator_draws_the_same_pattern_and_it_goes_through_json():
 def test_drops_lie_apart_and_cover_what_was_asked(extent):
     drops = place_drops(PATTERN, extent)
     assert drops == place_drops(PATTERN, extent)
-    disks = all_disks(drops)
-    owner = np.repeat(np.arange(len(drops)), [len(d.outline.disks) for d in drops])
-    apart = np.linalg.norm(disks[:, None, :2] - disks[None, :, :2], axis=-1)
-    other = owner[:, None] != owner
-    assert np.all((apart > TOUCH * (disks[:, None, 2] + disks[:, 2]))[other])
-    area = sum(np.pi * d.outline.radius**2 for d in drops)
-    largest = np.pi * max(d.outline.radius for d in drops) ** 2
-    assert 0 <= area - 0.15 * 1.1**2 * extent[0] * extent[1] < largest
+    assert reach(drops).min() > TOUCH
+    areas = [np.pi * drop.outline.radius**2 for drop in drops]
+    assert 0 <= sum(areas) - 0.15 * 1.1**2 * extent[0] * extent[1] < max(areas)
 
 
 def test_more_coverage_and_droplets_leave_what_is_there_in_place():
-    still = replace(PATTERN, rivulets=0)
-    few, many = (
-        water_at(replace(still, coverage=share, droplets=n), EXTENT, 0.0).drops
-        for share, n in ((0.05, 100), (0.2, 500))
-    )
+    def still(share, droplets):
+        return water_at(replace(PATTERN, rivulets=0, coverage=share, droplets=droplets), EXTENT, 0.0)
+
+    few, many = still(0.05, 100).drops, still(0.2, 500).drops
     assert many[: len(few)] == few
     assert len(many) > 2 * len(few)
-    dry, wet = (water_at(replace(still, coverage=0.0, droplets=n), EXTENT, 0.0).droplets for n in (100, 500))
+    dry, wet = still(0.0, 100).droplets, still(0.0, 500).droplets
     assert np.array_equal(wet[: len(dry)], dry)
 
 
@@ -65,12 +63,10 @@ def test_drops_grow_slowly_and_stay_where_they_are():
 def test_drops_that_touch_merge():
     few, many = (water_at(replace(PATTERN, rivulets=0, growth=growth), EXTENT, 1.0).drops for growth in (0.0, 0.4))
     assert len(many) < len(few)
-    assert 1.2 * water_of(few) < water_of(many) <= 1.4**3 * water_of(few)
-    disks = all_disks(many)
-    assert max(len(d.outline.disks) for d in many) <= 3
-    owner = np.repeat(np.arange(len(many)), [len(d.outline.disks) for d in many])
-    reach = np.linalg.norm(disks[:, None, :2] - disks[None, :, :2], axis=-1) / (disks[:, None, 2] + disks[:, 2])
-    assert np.all(reach[owner[:, None] != owner] >= TOUCH)
+    before, after = (sum(drop.outline.radius**3 for drop in drops) for drops in (few, many))
+    assert 1.2 * before < after <= 1.4**3 * before
+    assert max(len(drop.outline.disks) for drop in many) <= 3
+    assert reach(many).min() >= TOUCH
 
 
 def test_running_drops_go_down_and_leave_beads_and_no_drops_in_their_way():

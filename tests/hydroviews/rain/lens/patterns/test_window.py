@@ -1,5 +1,3 @@
-"""What is on a pane: settings by grade, beads, film, mist."""
-
 from dataclasses import replace
 
 import numpy as np
@@ -56,21 +54,21 @@ def test_beads_keep_apart():
 def test_larger_water_hides_beads_and_runs_wipe_them():
     pattern = replace(EVEN, coverage=0.03, rivulets=2, droplets=1500)
     water = water_at(pattern, EXTENT, 0.0)
+
+    def nearest(places):
+        return np.linalg.norm(water.beads.places[:, None] - places, axis=-1).min()
+
     disks = np.array([disk for drop in water.drops for disk in drop.outline.disks])
     assert len(disks) >= 10
+    assert nearest(disks[:, :2]) > disks[:, 2].min()
     ways = np.concatenate([rivulet.way for rivulet in water.rivulets])
-    to_disks, to_ways = (
-        np.linalg.norm(water.beads.places[:, None] - places, axis=-1).min() for places in (disks[:, :2], ways)
-    )
-    assert to_disks > disks[:, 2].min()
-    assert to_ways > 0.9 * min(rivulet.start_radius for rivulet in water.rivulets)
+    assert nearest(ways) > 0.9 * min(rivulet.start_radius for rivulet in water.rivulets)
 
 
 def test_meshes_of_beads_are_closed_and_as_high_as_spheres_caps():
     camera = Camera(120, 100, 100, 100, 60, 50, np.eye(4))
-    pattern = replace(EVEN, droplets=40)
-    water = water_at(pattern, EXTENT, 0.0)
-    mesh = water_mesh(replace(water, droplets=np.zeros((0, 4))), pattern.capillary_length, camera)
+    water = water_at(replace(EVEN, droplets=40), EXTENT, 0.0)
+    mesh = water_mesh(replace(water, droplets=np.zeros((0, 4))), EVEN.capillary_length, camera)
     assert len(mesh.caps) == len(mesh.bases)
     height = float(mesh.vertices[:, 2].max()) - 1
     expected = (water.beads.radii * np.tan(water.beads.angles / 2)).max() * np.sqrt(120 * 100) / 100
@@ -83,15 +81,12 @@ def test_mist_of_a_pane_is_uneven_and_wiped():
     assert whole.max() > 0.6
     assert np.quantile(whole, 0.2) < 0.1
     assert np.all(wiped <= whole + 1e-6)
-    side = np.sqrt(240 * 160)
-    inside = [
-        (int(x * side), int(y * side))
-        for rivulet in draw_rivulets(pattern, (240 / side, 160 / side), 0.5)
-        for x, y in rivulet.way[5:-5:5]
-        if 0 <= x * side < 240 and 0 <= y * side < 160
-    ]
-    assert inside
-    assert all(wiped[y, x] < 0.45 * whole[y, x] + 1e-6 for x, y in inside)
+    sides = np.array([240, 160])
+    rivulets = draw_rivulets(pattern, tuple(sides / np.sqrt(sides.prod())), 0.5)
+    ways = np.concatenate([rivulet.way[5:-5:5] for rivulet in rivulets]) * np.sqrt(sides.prod())
+    column, row = ways[np.all((ways >= 0) & (ways < sides), axis=1)].astype(int).T
+    assert len(row) > 0
+    assert np.all(wiped[row, column] < 0.45 * whole[row, column] + 1e-6)
     assert window_mist(replace(pattern, mist=0.0), 60, 40, 0.0).max() == 0
 
 
