@@ -24,7 +24,7 @@ from baselines.training.devices import chosen_device
 from deraings.enhancement.architecture.network import CONFIGS, EnhancementNetwork
 from deraings.enhancement.architecture.size import describe
 from deraings.enhancement.before_after import before_and_after, on_sheet
-from deraings.enhancement.companions import lenses_with_drops
+from deraings.enhancement.companions import lenses_of_companions
 from deraings.enhancement.enhance import enhance
 from deraings.enhancement.training.config import TrainingConfig
 from deraings.enhancement.training.data import Data, described, started_from, training_pairs
@@ -234,7 +234,7 @@ def enhance_command(
     def read(index: int) -> NDArray[np.uint8]:
         return to_uint8(read_upright(files[index]).image)
 
-    lenses = [None] * len(files) if apart else lenses_with_drops(len(files), read, enhancer)
+    lenses = [None] * len(files) if apart else lenses_of_companions(len(files), read, enhancer)
     for (file, target), lens in tqdm(list(zip(targets.items(), lenses, strict=True)), desc="enhancing", unit="picture"):
         picture = read_upright(file)
         write_png(target, enhance(picture.image, enhancer, remove_mist=not keep_fog, lens=lens), picture.alpha)

@@ -28,7 +28,7 @@ STAYING = 0.5
 BESIDE = 9  # pixels of the square around a hidden one in which nothing is told of rain
 
 
-def lenses_with_drops(
+def lenses_of_companions(
     count: int, read: Read, enhancer: Enhancer, hidden: Callable[[int], Ignored | None] = lambda _: None
 ) -> list[Lens | None]:
     """`lenses_of_capture`, without statistics of drops where drops are new in every photograph.

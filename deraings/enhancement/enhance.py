@@ -37,7 +37,7 @@ def enhance(
         overlap: overlap of neighbouring tiles in pixels, less than `tile`.
         remove_mist: remove mist from the whole picture first, if the network has that part. The network cannot separate
             mist on the lens from fog in the scene.
-        lens: statistics of the lens over all its photographs; see `companions.lenses_with_drops`.
+        lens: statistics of the lens over all its photographs; see `companions.lenses_of_companions`.
 
     Returns:
         An image of the same shape and range, computed on the network's device.

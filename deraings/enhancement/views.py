@@ -20,7 +20,7 @@ from deraings.enhancement.clear_pixels import (
     lens_covers,
     with_clear_pixels,
 )
-from deraings.enhancement.companions import lenses_with_drops, without_holes
+from deraings.enhancement.companions import lenses_of_companions, without_holes
 from deraings.enhancement.enhance import predict, without_mist_on_lens
 from deraings.enhancement.weights import Enhancer
 from deraings.image_planes import Plane, resized, within_side
@@ -202,7 +202,7 @@ class EnhancedViews:
         """What the photographs together say of the lens of each."""
         images = self._images
         with one_thread():
-            return lenses_with_drops(len(images), self._photograph, self._enhancer, images.ignored)
+            return lenses_of_companions(len(images), self._photograph, self._enhancer, images.ignored)
 
     def image(self, index: int) -> Image:
         """One picture [H, W, 3].

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from hydroviews.errors import InputError
+from hydroviews.files.atomic import is_there
 from hydroviews.formats import llff, nerfstudio
 from hydroviews.formats.capture_json import captured_rainy, described_number
 from hydroviews.formats.checks.capture import compare
@@ -35,7 +36,7 @@ Read = Callable[[Path, str, str | None, Match], Scene]
 READERS: tuple[tuple[Callable[[Path], bool], Read], ...] = (
     (lambda folder: bool(find_models(folder)), read_colmap),
     (
-        lambda folder: (folder / nerfstudio.CAMERA_FILE).is_file(),
+        lambda folder: is_there(folder / nerfstudio.CAMERA_FILE),
         lambda folder, name, _, match: read_nerfstudio(folder, name, match),
     ),
     (
@@ -43,7 +44,7 @@ READERS: tuple[tuple[Callable[[Path], bool], Read], ...] = (
         lambda folder, name, _, match: nerfstudio.read_parts(folder, name, match),
     ),
     (
-        lambda folder: (folder / llff.CAMERA_FILE).is_file(),
+        lambda folder: is_there(folder / llff.CAMERA_FILE),
         lambda folder, name, images, _: read_llff(folder, name, images),
     ),
     (is_nsvf, lambda folder, name, *_: read_nsvf(folder, name)),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from skimage import data
 
-from deraings.enhancement.companions import lenses_with_drops
+from deraings.enhancement.companions import lenses_of_companions
 from deraings.enhancement.enhance import enhance, shipped
 from hydroviews.metrics import psnr
 from hydroviews.pairs.recipes.panes import draw_pane
@@ -33,7 +33,7 @@ def covered_pane(least=0.1, most=0.3):
 
 def lenses(pictures, hidden=lambda _: None):
     pixels = [to_uint8(picture) for picture in pictures]
-    return lenses_with_drops(COUNT, pixels.__getitem__, shipped(), hidden)
+    return lenses_of_companions(COUNT, pixels.__getitem__, shipped(), hidden)
 
 
 def test_photographs_with_the_same_drops_are_companions(dry):

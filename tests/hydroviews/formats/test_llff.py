@@ -114,4 +114,4 @@ def test_flower_poses_agree_with_its_colmap_model(tmp_path):
 def test_something_else_where_the_file_belongs(tmp_path, kind):
     swap(write_capture(tmp_path, table(4)) / "poses_bounds.npy", kind)
     with not_for_ever():
-        assert_refused(tmp_path, r"poses_bounds\.npy")
+        assert_refused(tmp_path, r"poses_bounds\.npy: not a file")
