@@ -19,11 +19,11 @@ from hydroviews.scene.images import Image
 from hydroviews.scene.masks import Ignored
 
 LOOKED_AT = 4  # photographs of a lens, evenly spread
-# Mean cover by drops that the network predicts alone, from which a lens is wet. On development scenes, dry photographs,
-# streaks and fine dirt have 0.015 at most, light drops of any kind 0.05 and more.
+# Mean cover by drops that the network predicts alone, from which a lens is wet. Dry photographs and streaks of eight
+# scenes have 0.007 at most, fine dirt 0.015, medium drops and windows 0.05 and more.
 WET = 0.03
 # Share of this cover that the network predicts with companions, below which drops are new in every photograph. Medium
-# drops and windows of development scenes have 0.75 and more; new drops and snow have 0.01, 0.3 of eight photographs.
+# drops and windows of eight scenes have 0.75 and more; new drops and snow have 0.05 at most, 0.3 of eight photographs.
 STAYING = 0.5
 BESIDE = 9  # pixels of the square around a hidden one in which nothing is told of rain
 
