@@ -27,7 +27,7 @@ class Enhancer:
 
     network: EnhancementNetwork
     card: dict[str, Any]  # data, seed, steps, validation
-    reason: str  # which weights these are and why
+    reason: str  # in a line, which weights these are and why
 
 
 def load_enhancer(weights: str | Path = DEFAULT, device: str = "auto") -> Enhancer:
@@ -45,7 +45,7 @@ def load_enhancer(weights: str | Path = DEFAULT, device: str = "auto") -> Enhanc
     network = network.to(chosen_device(device))
     torch.backends.cudnn.allow_tf32 = False  # a GPU's pictures are the CPU's; 10 bits of mantissa would be seen in them
     origin = f"shipped as {weights}" if path.parent == FILES.shipped else f"from {path}, as asked for"
-    return Enhancer(network, card, f"enhancement weights {origin}: {card['steps']} steps on {card['data']}")
+    return Enhancer(network, card, f"enhancement weights {origin}, trained in {card['steps']} steps")
 
 
 def mean_network(enhancers: Sequence[Enhancer]) -> EnhancementNetwork:
