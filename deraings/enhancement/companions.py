@@ -42,13 +42,18 @@ def lenses_of_companions(
     lenses = lenses_of_capture(count, read, enhancer.network, hidden)
     if not enhancer.network.config.cover:
         return lenses
-    alike = {lens: lens for lens in lenses if lens is not None}
-    for lens in alike:
-        views = [index for index, own in enumerate(lenses) if own is lens]
-        looked_at = [views[place] for place in evenly_spread(len(views), LOOKED_AT)]
-        if _drops_are_new([(_encoded(read, index), hidden(index)) for index in looked_at], lens, enhancer):
-            alike[lens] = replace(lens, fine=None)
-    return [None if lens is None else alike[lens] for lens in lenses]
+    runs: dict[Lens, list[int]] = {}
+    for index, lens in enumerate(lenses):
+        if lens is not None:
+            runs.setdefault(lens, []).append(index)
+    for lens, run in runs.items():
+        looked_at = [run[place] for place in evenly_spread(len(run), LOOKED_AT)]
+        photographs = [(read(index).astype(np.float32) / np.float32(255), hidden(index)) for index in looked_at]
+        if _drops_are_new(photographs, lens, enhancer):
+            alone = replace(lens, fine=None)
+            for index in run:
+                lenses[index] = alone
+    return lenses
 
 
 def without_holes(cover: Image, hidden: Ignored | None) -> Image:
@@ -60,7 +65,7 @@ def without_holes(cover: Image, hidden: Ignored | None) -> Image:
 
 
 def _drops_are_new(photographs: Sequence[tuple[Image, Ignored | None]], lens: Lens, enhancer: Enhancer) -> bool:
-    """Whether photographs show drops, each for itself, which the statistics of their lens do not show."""
+    """True if single photographs show drops that the statistics of their lens do not show."""
 
     def cover(lens: Lens | None) -> float:
         covers = [(predict(photograph, enhancer, lens=lens).cover, hidden) for photograph, hidden in photographs]
@@ -68,7 +73,3 @@ def _drops_are_new(photographs: Sequence[tuple[Image, Ignored | None]], lens: Le
 
     alone = cover(None)
     return alone >= WET and cover(lens) < STAYING * alone
-
-
-def _encoded(read: Read, index: int) -> Image:
-    return read(index).astype(np.float32) / np.float32(255)

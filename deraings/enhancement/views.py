@@ -104,11 +104,11 @@ class EnhancedViews:
 
     @property
     def wet(self) -> bool:
-        """Whether the network predicts drops on the lens."""
+        """True if the network predicts drops on the lens."""
         return self.tells_cover and self._lens_covers.wet
 
     def hidden_by_drops(self, index: int) -> Plane:
-        """What drops on the lens hide about the time of a photograph [h, w], [0, 1]; see `clear_pixels`.
+        """The share of each pixel [h, w] that drops hide about the time of a photograph, [0, 1]; see `clear_pixels`.
 
         Raises:
             InputError: a kept picture is damaged.

@@ -37,7 +37,7 @@ class Occlusion:
         self._network, self._n_views, self._config = network, n_views, config
 
     def mean_cover(self, view: int) -> Plane:
-        """q_mean [h, w] about the time of a view, of the other views of its lens."""
+        """q_mean [h, w] about the time of a view, of the other views of its lens; q where drops are new in each."""
         return self._network.mean_drop_cover(view)
 
     def recurring_cover(self, view: int) -> Plane:

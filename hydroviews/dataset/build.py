@@ -186,8 +186,7 @@ def _write_rain(clean: Scene, folder: Path, rains: Sequence[Pattern], before: Be
             write_variant(clean, folder, rain, statistics)
         else:
             write_statistics(folder, rain.name)
-    if rains:
-        write_summary(folder)
+    write_summary(folder)
 
 
 def _keep_or_refuse(folder: Path, outdated: Sequence[str], finished: bool) -> None:

@@ -82,12 +82,14 @@ def write_statistics(folder: Path, pattern: str) -> Path:
 
 
 def write_summary(folder: Path) -> None:
-    """Write the scene's `statistics.csv` from those of its variants, all of which are finished.
+    """Write the scene's `statistics.csv` from those of its variants, all of which are finished; none without variants.
 
     Raises:
         InputError: a variant's facts or statistics are missing or unreadable, or the disk is full.
     """
-    write_csv(folder / STATISTICS, summarise(folder))
+    summary = summarise(folder)
+    if len(summary):
+        write_csv(folder / STATISTICS, summary)
 
 
 def measure_variant(folder: Path, pattern: str) -> "pd.DataFrame":

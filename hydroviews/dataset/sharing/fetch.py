@@ -228,8 +228,7 @@ def _finish(packed: Packed, data: Path, folder: Path, entry: Mapping[str, Any] |
         link_shared(folder / name)
     for name in facts["patterns"]:
         write_statistics(folder, name)
-    if facts["patterns"]:
-        write_summary(folder)
+    write_summary(folder)
     write_card(folder, captured or facts["patterns"], facts["notes"])
     for name in SUMMARIES:
         if (folder / name).is_file():

@@ -53,7 +53,7 @@ VIEW = camera(41, 30)
 
 
 def appearance_of(absent=0.0):
-    """Of two pictures; without `absent` the reference is seen in every step."""
+    """The appearance of two pictures; without `absent` the reference is seen in every step."""
     pictures = np.random.default_rng(0).integers(0, 255, (2, 30, 41, 3)).astype(np.uint8)
     return ReferenceAppearance(TrainingImages(list(pictures)), replace(SHORT, absent=absent), 1, 10, 0)
 

@@ -24,7 +24,7 @@ def model(config=CONFIG, views=3):
 
 
 def losses_of(colours, m, coarse, counts):
-    """Of a rendering whose greys and masks are given."""
+    """The losses of a rendering whose greys and masks are given."""
     n = len(colours)
     extras = {"m": m, "price": torch.tensor(0.5), "looks": torch.tensor([[1.0, 3.0]])}
     weights, edges = torch.zeros(n, 2), torch.linspace(0, 1, 3).expand(n, -1)

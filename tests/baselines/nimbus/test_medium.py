@@ -37,7 +37,7 @@ def rays(distances, directions, start=(0.0, 0.0, 0.0)):
 
 
 def straight(made, distance, start=BOX.middle, grid=None):
-    """What is left of light that goes along x."""
+    """The share that is left of light that goes along x."""
     return float(made.transmission(rays([distance], [[1.0, 0, 0]], start), grid).detach())
 
 

@@ -24,7 +24,6 @@ from baselines.wild_gs.triplane import CHANNELS
 from hydroviews.scene.images import write_png
 
 
-# Where light differs and nothing comes and goes: masks would take casts for that.
 def test_a_lamp_on_a_part_of_the_scene_is_told_from_the_scene(tmp_path):
     """One half of the things stands under a lamp that shines otherwise in every photograph."""
     scene, things, rng = photographed(tmp_path), cloud(60, degree=0, seed=3, size=0.15), np.random.default_rng(2)
@@ -35,7 +34,7 @@ def test_a_lamp_on_a_part_of_the_scene_is_told_from_the_scene(tmp_path):
         write_png(view.path, np.clip(render(things.coloured(colours), view.camera)[0], 0, 1))
 
     def lit_or_not(camera):
-        """Where a picture shows things under the lamp, and where it does not [2, H, W]."""
+        """The places of a picture that show things under the lamp, and all others [2, H, W]."""
         white = np.repeat(lit[:, None], 3, axis=1).astype(np.float32)
         under = render(things.coloured(white), camera)[0][..., 0] > 0.5
         return np.stack([under, ~under])

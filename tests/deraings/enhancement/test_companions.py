@@ -57,6 +57,6 @@ def test_new_drops_are_removed_from_each_photograph_alone(dry):
 
 
 def test_holes_of_masks_are_no_drops(dry):
-    """Where masks hide all that is new, the photographs show a dry lens."""
+    """Photographs show a dry lens if masks hide all that is new."""
     wet = [pane.over(picture) for pane, picture in zip(covered_pane(), dry, strict=False)]
     assert all(lens.fine is not None for lens in lenses(wet, lambda _: np.ones((HEIGHT, WIDTH), bool)))

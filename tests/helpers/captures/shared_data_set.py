@@ -46,6 +46,6 @@ def member(name: str, mode: int = stat.S_IFREG | 0o644) -> zipfile.ZipInfo:
 
 
 def facts_of(built: Path) -> dict:
-    """What the manifest says of the scene beside the hashes of its files."""
+    """The manifest's entry of the scene, without the hashes of its files."""
     entry = read_manifest(built.parent)["scenes"][built.name]
     return {key: value for key, value in entry.items() if key != "files"}

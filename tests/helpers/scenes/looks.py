@@ -44,7 +44,7 @@ BRIEF = replace(
     rate_intrinsic=1e-2,
     visible_from=0.05,
 )
-# Where light differs and nothing comes and goes: masks would take casts for that.
+# Light differs and nothing comes and goes: masks would take casts for that.
 LIGHT = replace(BRIEF, absent=0.0, visible_from=2.0)
 
 

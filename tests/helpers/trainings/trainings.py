@@ -16,7 +16,7 @@ DENSIFY = DefaultStrategy(start=20, stop=150, every=20, budget=150, reset_every=
 CONFIG = TrainerConfig(iterations=200, sh_degree=1, sh_degree_interval=60, strategy=DENSIFY, device="cpu")
 RELOCATION = MCMCStrategy(start=20, stop=150, every=20, budget=150, growth=0.1, noise=5e4)
 BUDGETED = replace(CONFIG, strategy=RELOCATION)
-# What methods that leave out a part of what photographs show are compared with.
+# Plain splatting, for comparison with methods that leave out a part of what photographs show.
 UNSPARING = DefaultStrategy(
     start=20, stop=200, every=20, budget=300, grow_grad2d=5e-5, reset_every=None, prune_scale3d=1.0
 )

@@ -64,7 +64,7 @@ def archives(tmp_path):
 
 @pytest.fixture
 def whole(archives):
-    """What is in the archive."""
+    """The contents of the archive."""
     return contents(archives.parent / "rendered" / "yard")
 
 

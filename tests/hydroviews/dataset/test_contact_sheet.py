@@ -12,7 +12,7 @@ from hydroviews.scene.images import read_image, to_srgb, to_uint8
 
 
 def holds(sheet, picture) -> bool:
-    """Whether a picture is somewhere in a sheet, pixel by pixel."""
+    """True if a picture is somewhere in a sheet, pixel by pixel."""
     height, width = picture.shape[:2]
     corners = np.argwhere((sheet == picture[0, 0]).all(-1))
     return any(np.array_equal(sheet[top : top + height, left : left + width], picture) for top, left in corners)

@@ -8,7 +8,7 @@ from hydroviews.formats.read import read_scene
 
 @pytest.fixture
 def scene(tmp_path):
-    """What the folder has in NSVF's layout."""
+    """The files of the folder in NSVF's layout."""
     scene = capture_in(tmp_path)
     (tmp_path / "images").rename(tmp_path / "rgb")
     (tmp_path / "pose").mkdir()

@@ -130,7 +130,7 @@ def test_spherical_harmonics_are_cut_to_a_degree():
 
 
 def packed(folder, gaussians):
-    """What comes back of Gaussians from a compressed file."""
+    """Gaussians as a compressed file gives them back."""
     write_compressed_ply(folder / "small.ply", gaussians)
     return read_compressed_ply(folder / "small.ply")
 

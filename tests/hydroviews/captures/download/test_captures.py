@@ -29,7 +29,7 @@ def mirror(content):
 
 @pytest.fixture
 def archive(mirror):
-    """What the catalogue says of an archive, with the mirror as its address."""
+    """The catalogue's entry of an archive, with the mirror as its address."""
     return Archive("tandt_db.zip", (f"{mirror.address}/data/tandt_db.zip",), 1)
 
 
